@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
+from cranectl.campaign.benchmark.trials import Trial
+from cranectl.campaign.table import FAILED
 from cranectl.support.documents import read_toml
 from cranectl.support.provenance import fingerprints
 from validation.proofs import restamp
@@ -84,3 +86,15 @@ def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -
     *old, new = judged.about["made_by"]
     assert old == table.about["made_by"]
     assert new["sources"] == fingerprints()["sources"]
+
+
+def test_a_crane_that_cannot_be_simulated_runs_again_like_others() -> None:
+    """It has no metrics, and its neighbour has some."""
+    table, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
+    trial = Trial("published", "mujoco", "spread-4", "hoist-and-go", "lqr")
+    judged = table.trials[trial._replace(division="tuned")]
+    sample = max(judged.status.index(FAILED) - 1, 0)
+    samples = range(sample, sample + 2)
+    again = restamp.run_again(trial, samples, rules, restamp.NUMBERS[0])
+    assert again.status.count(FAILED) == judged.status[sample : sample + 2].count(FAILED) == 1
+    assert np.isnan(again.metrics["effort_m_s2"]).tolist() == [s == FAILED for s in again.status]
