@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
+from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
 from cranectl.support.counts import MAX_DRAWS, MAX_WORKERS
@@ -73,12 +74,12 @@ tuned_option = command.directory_option(
     show_default=True,
     help="Controllers with their defaults, or with what `cranectl tune` has found.",
 )
-@command.count_option(
+@count_option(
     "--draws",
     "At most the first N cranes of standing set. What was begun with another N is no part of it.",
     highest=MAX_DRAWS,
 )
-@command.count_option("--workers", "Pieces at a time. Default: one for each core.", highest=MAX_WORKERS)
+@count_option("--workers", "Pieces at a time. Default: one for each core.", highest=MAX_WORKERS)
 @click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
 @command.directory_option("--out", "Directory of the results. Default: logs/benchmark-NAME")
 @tuned_option

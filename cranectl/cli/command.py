@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
-from cranectl.support.counts import MAX_RUNS
-from cranectl.support.errors import InputError, printable
+from cranectl.support.errors import InputError
 from cranectl.support.files import JSON, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
@@ -152,31 +151,6 @@ def output_option(
 ) -> Callable[[F], F]:
     """Return an option for a file to write, of one kind or of the kind that its ending names."""
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
-
-
-class Count(click.IntRange):
-    """The type of an option for a whole number, with a lowest and a highest value that the help tells."""
-
-    def __init__(self, highest: int, *, lowest: int = 1) -> None:
-        super().__init__(lowest, highest)
-        self.lowest, self.highest = lowest, highest
-
-    def convert(self, value: Any, parameter: Any, context: click.Context | None) -> int:
-        """Return the number; raise InputError if it is out of the range."""
-        number: int = click.INT.convert(value, parameter, context)
-        if self.lowest <= number <= self.highest or (context is not None and context.resilient_parsing):
-            return number
-        option = parameter.opts[0]
-        raise InputError(
-            f"{option} {printable(str(number), longest=40)}",
-            allowed=f"a whole number from {self.lowest} to {self.highest}",
-            remedy=f"choose such a number, or leave {option} out",
-        )
-
-
-def count_option(name: str, help_text: str, *, highest: int = MAX_RUNS) -> Callable[[F], F]:
-    """Return an option for a number from 1 to `highest`."""
-    return click.option(name, metavar="N", type=Count(highest), help=help_text)
 
 
 def directory_option(name: str, help_text: str, **more: Any) -> Callable[[F], F]:

@@ -10,6 +10,7 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
+from cranectl.cli.counts import Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
 from cranectl.support.counts import MAX_PORT
@@ -29,7 +30,7 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option(
     "--port",
-    type=command.Count(MAX_PORT, lowest=0),
+    type=Count(MAX_PORT, lowest=0),
     default=8765,
     show_default=True,
     metavar="N",

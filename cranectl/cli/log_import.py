@@ -13,7 +13,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.files import MCAP, check_place
 
 if TYPE_CHECKING:
-    from cranectl.measured.importing import Imported, Source
+    from cranectl.measured.importing import Imported, LogSource
     from cranectl.measured.mapping import MeasuredMap
 
 
@@ -82,10 +82,10 @@ def import_log(
 
 def _logs(
     files: Sequence[Path], mapping: "MeasuredMap", *, separate: bool, sheets: str | None, out: Path | None
-) -> Mapping[Path, "Source"]:
+) -> Mapping[Path, "LogSource"]:
     """Return the logs to write, and what each is from."""
     from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.measured.importing import Source, sources_of
+    from cranectl.measured.importing import LogSource, sources_of
     from cranectl.measured.suggestion import run_name
 
     if not separate:
@@ -95,14 +95,14 @@ def _logs(
                 allowed="--sheets for a log of each sheet",
                 remedy="add --each, or leave --sheets out and name columns as SHEET.COLUMN",
             )
-        return {out or LOG_DIRECTORY / mapping.name / "measured.mcap": Source(tuple(files))}
+        return {out or LOG_DIRECTORY / mapping.name / "measured.mcap": LogSource(tuple(files))}
     if out is not None:
         raise InputError(
             f"--out {out} for several logs",
             allowed="the places logs/NAME/FILE.mcap, with the name in the map",
             remedy="leave --out out, and write another name into the map for another directory",
         )
-    logs: dict[Path, Source] = {}
+    logs: dict[Path, LogSource] = {}
     for source in (source for file in files for source in sources_of(file, sheets, mapping.layout)):
         stem = source.files[0].stem + f"-{source.sheet}" * bool(source.sheet)
         path = LOG_DIRECTORY / mapping.name / f"{run_name(stem)}.mcap"

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import PATH, Command, Count
+from cranectl.cli.command import PATH, Command
+from cranectl.cli.counts import Count
 from cranectl.support.counts import MAX_SEED
 from cranectl.support.errors import InputError
 from cranectl.support.files import exists, write_text, writing

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.cli.command import Command, count_option, directory_option, json_option
+from cranectl.cli.command import Command, directory_option, json_option
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.controller_options import timeout_option, trust_option
+from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.support.counts import MAX_WORKERS

@@ -10,6 +10,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
+from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.counts import MAX_WORKERS
@@ -35,7 +36,7 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @command.drive_option(default="both")
 @command.scenario_options
 @command.directory_option("--out", "Directory for the logs.", default="logs", show_default=True)
-@command.count_option("--jobs", "Worker processes. Default: one for each core.", highest=MAX_WORKERS)
+@count_option("--jobs", "Worker processes. Default: one for each core.", highest=MAX_WORKERS)
 @command.predict_option
 @command.every_option
 @timeout_option

@@ -33,7 +33,7 @@ from cranectl.measured.mapping import (
     MeasuredMap,
     SignalMap,
 )
-from cranectl.measured.plausibility import Finding, Verdict, check_motion, check_physics
+from cranectl.measured.plausibility import Finding, PhysicsVerdict, check_motion, check_physics
 from cranectl.measured.responses import Recording
 from cranectl.measured.tables import read_head
 from cranectl.scenario import NANOSECONDS
@@ -60,7 +60,7 @@ class Imported:
     ] = ()  # on missing readings, rows that were sorted, and on a log that is of no use
 
 
-class Source(NamedTuple):
+class LogSource(NamedTuple):
     """Where a log is from."""
 
     files: tuple[Path, ...]  # in the order of their numbers in the map
@@ -76,7 +76,7 @@ class Source(NamedTuple):
 class Recorded(NamedTuple):
     """The signals of one log before they are checked."""
 
-    source: Source
+    source: LogSource
     mapping: MeasuredMap
     time_ns: NDArray[np.int64]
     table: Array
@@ -103,19 +103,19 @@ def import_files(
     Raises InputError for files that cannot be read, columns that are missing, clocks that do not increase,
     gaps, jumps that the drives cannot make, and a mapping that contradicts physics.
     """
-    return import_logs({mapping.name: Source(tuple(files))}, mapping, directory=directory, rig=rig)[0]
+    return import_logs({mapping.name: LogSource(tuple(files))}, mapping, directory=directory, rig=rig)[0]
 
 
-def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[Source]:
+def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[LogSource]:
     """Return a source for each sheet of a workbook that fits the pattern `sheets`, or one for the file.
 
     Names of columns then have no sheet. The variables of a MATLAB file count as sheets.
     """
     if sheets is None:
-        return [Source((path,))]
+        return [LogSource((path,))]
     head = read_head(path, layout)
     if not any("." in name for name in head.names):  # a workbook with one sheet
-        return [Source((path,), (head,))]
+        return [LogSource((path,), (head,))]
     places = [_split_sheet(name, sheets) for name in head.names]
     found = dict.fromkeys(sheet for sheet, _ in places if sheet is not None)
     if not found:
@@ -124,7 +124,7 @@ def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[Source
             allowed=", ".join(dict.fromkeys(name.partition(".")[0] for name in head.names)),
             remedy="correct the pattern of --sheets, in quotes: --sheets 'Run*'",
         )
-    return [Source((path,), (_sheet_head(head, places, sheet),), sheet) for sheet in found]
+    return [LogSource((path,), (_sheet_head(head, places, sheet),), sheet) for sheet in found]
 
 
 def _split_sheet(name: str, pattern: str) -> tuple[str | None, str]:
@@ -148,7 +148,7 @@ def _sheet_head(head: TableHead, places: Sequence[tuple[str | None, str]], sheet
 
 
 def import_logs(
-    logs: Mapping[str, Source], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
+    logs: Mapping[str, LogSource], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
 ) -> list[Imported]:
     """Return the runs of several logs of one map, by their names; physics judges all of them together.
 
@@ -171,7 +171,7 @@ def import_logs(
     return [_finished(log, parameters, verdict) for log, verdict in zip(recorded, alone, strict=True)]
 
 
-def _record(source: Source, mapping: MeasuredMap, rig: RigParameters) -> Recorded:
+def _record(source: LogSource, mapping: MeasuredMap, rig: RigParameters) -> Recorded:
     """Read the mapped signals of one log, and bring them to one clock."""
     files = source.files
     _check_files(files, mapping)
@@ -212,7 +212,7 @@ def _record(source: Source, mapping: MeasuredMap, rig: RigParameters) -> Recorde
     return Recorded(source, mapping, time_ns, table, columns, groups, trusted, tuple(remarks), impossible)
 
 
-def _finished(log: Recorded, rig: RigParameters, verdict: Verdict) -> Imported:
+def _finished(log: Recorded, rig: RigParameters, verdict: PhysicsVerdict) -> Imported:
     """Return the run of a log that was checked."""
     period, sheet = float(log.time_ns[1]) / NANOSECONDS, log.source.sheet
     complete(log.columns, log.mapping, period)

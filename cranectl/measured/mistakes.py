@@ -14,7 +14,7 @@ import numpy as np
 
 from cranectl.measured.correlation import GAIN_RANGE, Response
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap, SignalMap
-from cranectl.measured.responses import Pair, Responses
+from cranectl.measured.responses import Responses, SignalPair
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 
@@ -31,7 +31,7 @@ ODD_FACTOR = 0.3  # cost of a factor that no unit explains
 DEGREES = 180.0 / pi  # in a radian
 USUAL_FACTORS = (10.0, 100.0, 1000.0, DEGREES)
 SPACE = 1.5  # times the usual size that a signal may have
-SMALL = 1.0 / 50.0  # of the usual size below which a signal is improbably small
+IMPROBABLY_SMALL = 1.0 / 50.0  # of the usual size below which a signal is improbably small
 SMALL_WEIGHT = 0.5
 IMPOSSIBLE = 5.0  # cost of a signal that no crane can have
 MAX_TILT = 0.5  # [rad] of a rope in the middle of its swing, the zero of its sensor included
@@ -105,18 +105,18 @@ def _remedy(name: str, factor: float, mapping: MeasuredMap) -> str:
     signal, units = mapping.signals.declared[name], mapping.units(name)
     if factor < 0.0:
         return f"write sign = {-signal.sign} in signals.{name}"
-    wanted = units[signal.unit] / factor
+    right_size = units[signal.unit] / factor
     for unit, size in units.items():
-        if signal.unit != "count" and unit != "count" and abs(size / wanted - 1.0) < 1e-3:
+        if signal.unit != "count" and unit != "count" and abs(size / right_size - 1.0) < 1e-3:
             return f"write signals.{name}.unit = '{unit}'"
     return f"write signals.{name}.scale = {signal.scale / factor:.6g}"
 
 
 @dataclass(frozen=True)
-class Judged:
+class Explanation:
     """How well signals agree under a hypothesis."""
 
-    responses: Mapping[Pair, Response]
+    responses: Mapping[SignalPair, Response]
     improbable: float  # cost of the sizes of signals that cranes of this rig do not have
     impossible: int  # signals that no crane can have
 
@@ -135,7 +135,7 @@ def _distance(ratio: float) -> float:
     return min(abs(log(ratio)), log(2.0)) if 0.0 < ratio < np.inf else 0.0
 
 
-def _without_mistake(response: Response, pair: Pair, mistake: Mistake) -> Response | None:
+def _without_mistake(response: Response, pair: SignalPair, mistake: Mistake) -> Response | None:
     """Return the response of a pair without a mistake, None if the signals are needed for it."""
     changed = pair.inputs & set(mistake.signals)
     linear = {pair.cause} if pair.answer in ANGLES else pair.inputs
@@ -162,14 +162,16 @@ class Search:
         self.measured = tuple(n for n in self.names if declared[n].column is not None)
         self.sizes = {n: size_of(declared[n], mapping.units(n)) for n in self.names}
 
-    def judge(self, columns: Columns, known: Judged | None = None, mistake: Mistake | None = None) -> Judged:
+    def judge(
+        self, columns: Columns, known: Explanation | None = None, mistake: Mistake | None = None
+    ) -> Explanation:
         """Judge signals; pairs of `known`, the signals with a `mistake`, are computed again where needed."""
         pairs = {}
         for pair in self.responses.pairs:
             old = _without_mistake(known.responses[pair], pair, mistake) if known and mistake else None
             pairs[pair] = old or self.responses.response(pair, columns)
         improbable = sum(self._improbable(name, columns) for name in self.names)
-        return Judged(pairs, improbable, sum(self._is_impossible(name, columns) for name in self.names))
+        return Explanation(pairs, improbable, sum(self._is_impossible(name, columns) for name in self.names))
 
     def _is_impossible(self, name: str, columns: Columns) -> bool:
         """Return whether no crane has such a signal: a rope of no length, or a load above its pivot."""
@@ -191,9 +193,11 @@ class Search:
         share = largest / self.bounds[name]
         if share <= 0.0:
             return impossible
-        return impossible + max(log(share / SPACE), 0.0) + SMALL_WEIGHT * max(log(SMALL / share), 0.0)
+        return (
+            impossible + max(log(share / SPACE), 0.0) + SMALL_WEIGHT * max(log(IMPROBABLY_SMALL / share), 0.0)
+        )
 
-    def candidates(self, judged: Judged) -> Iterator[Mistake]:
+    def candidates(self, judged: Explanation) -> Iterator[Mistake]:
         """Yield the mistakes that could explain the pairs that do not agree."""
         groups: list[tuple[str, ...]] = [(name,) for name in self.measured]
         if "rope_length" not in self.measured:
@@ -226,10 +230,10 @@ class Search:
         factors = {*USUAL_FACTORS, *(1.0 / factor for factor in USUAL_FACTORS)}
         return factors | ({own / size for size in units.values() if size != own} if own else set())
 
-    def best(self, columns: Columns, judged: Judged) -> tuple[list[Mistake], Judged, Columns]:
+    def best(self, columns: Columns, judged: Explanation) -> tuple[list[Mistake], Explanation, Columns]:
         """Return the mistakes that explain the signals best, alike; none if the map may be right."""
         suspect = [pair for pair, response in judged.responses.items() if response.strict < SUSPECT]
-        explained: list[tuple[float, Mistake, Judged, Columns]] = []
+        explained: list[tuple[float, Mistake, Explanation, Columns]] = []
         for mistake in self.candidates(judged):
             if not judged.impossible and not any(pair.inputs & set(mistake.signals) for pair in suspect):
                 continue
@@ -245,7 +249,7 @@ class Search:
         alike = [m for c, m, *_ in explained if c < cost + EVEN_ODDS and m.is_rival_of(chosen)]
         return sorted([chosen, *alike], key=lambda m: m.signals[0] not in ANGLES), after, corrected
 
-    def _explains(self, mistake: Mistake, before: Judged, after: Judged) -> bool:
+    def _explains(self, mistake: Mistake, before: Explanation, after: Explanation) -> bool:
         """Return whether the remedy of a mistake makes a pair agree, and no other pair worse."""
         healed = after.impossible < before.impossible
         if after.impossible > before.impossible:

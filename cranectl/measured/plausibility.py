@@ -14,7 +14,7 @@ import numpy as np
 from cranectl.measured.correlation import Response
 from cranectl.measured.mapping import ANGLES, COMMANDS, MIN_ROPE, POSITIONS, MeasuredMap
 from cranectl.measured.mistakes import Columns, Search
-from cranectl.measured.responses import MAX_LATENESS, Pair, Recording, Responses
+from cranectl.measured.responses import MAX_LATENESS, Recording, Responses, SignalPair
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -99,7 +99,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class PhysicsVerdict:
     """What physics says of a map."""
 
     findings: tuple[Finding, ...]
@@ -118,7 +118,9 @@ class Verdict:
             )
 
 
-def check_physics(recordings: Sequence[Recording], mapping: MeasuredMap, rig: RigParameters) -> Verdict:
+def check_physics(
+    recordings: Sequence[Recording], mapping: MeasuredMap, rig: RigParameters
+) -> PhysicsVerdict:
     """Judge a map by the signals of its logs: signs, factors, exchanged columns and delays."""
     responses = Responses(recordings, rig, mapping.commands)
     search = Search(responses, mapping)
@@ -138,7 +140,7 @@ def check_physics(recordings: Sequence[Recording], mapping: MeasuredMap, rig: Ri
             own = mapping.signals.declared[name].delay
             contradictions.append(f"{name} is {delay:.3g} s late")
             remedies.append(f"write signals.{name}.delay = {own + delay:.3g}")
-    return Verdict(findings, tuple(contradictions), tuple(remedies), _useless(findings))
+    return PhysicsVerdict(findings, tuple(contradictions), tuple(remedies), _useless(findings))
 
 
 def _either(texts: Sequence[Sequence[str]]) -> str:
@@ -146,7 +148,7 @@ def _either(texts: Sequence[Sequence[str]]) -> str:
     return ", or ".join(" and ".join(text) for text in texts)
 
 
-def _finding(pair: Pair, response: Response, responses: Responses) -> Finding:
+def _finding(pair: SignalPair, response: Response, responses: Responses) -> Finding:
     mean = 0.0
     if pair.answer in ANGLES:
         mean = float(np.mean(np.concatenate([c[pair.answer] for c in responses.columns])))
@@ -171,7 +173,7 @@ def _useless(findings: Sequence[Finding]) -> str:
     return ""
 
 
-def _late_signals(responses: Responses, judged: Mapping[Pair, Response]) -> dict[str, float]:
+def _late_signals(responses: Responses, judged: Mapping[SignalPair, Response]) -> dict[str, float]:
     """Return the signals whose clock is late, and by how much [s].
 
     A rope cannot answer before its pivot moves, and no axis before its command. So an answer that is early
@@ -191,7 +193,7 @@ def _late_signals(responses: Responses, judged: Mapping[Pair, Response]) -> dict
     return late
 
 
-def _fitted_delay(responses: Responses, pair: Pair, name: str) -> tuple[float, float]:
+def _fitted_delay(responses: Responses, pair: SignalPair, name: str) -> tuple[float, float]:
     """Return the disagreement of a pair if one of its signals is late, and by how much that is [s]."""
 
     def disagreement(delay: float) -> float:

@@ -45,7 +45,7 @@ class Recording:
     trusted: Mask  # (N,) False where a gap was bridged
 
 
-class Pair(NamedTuple):
+class SignalPair(NamedTuple):
     """Two signals that belong together."""
 
     answer: str
@@ -53,14 +53,14 @@ class Pair(NamedTuple):
     inputs: frozenset[str]  # signals that the answer is computed from
 
 
-def pairs_of(names: Sequence[str]) -> tuple[Pair, ...]:
+def pairs_of(names: Sequence[str]) -> tuple[SignalPair, ...]:
     """Return the pairs among signals: each angle with its axis, and each axis with its command."""
     pairs = []
     if ANGLES[0] in names:
         for angle, axis in (("beta", "bridge_position"), ("alpha", "trolley_position")):
-            pairs.append(Pair(angle, axis, frozenset({axis, "rope_length", *ANGLES})))
+            pairs.append(SignalPair(angle, axis, frozenset({axis, "rope_length", *ANGLES})))
     if COMMANDS[0] in names:
-        pairs += [Pair(p, c, frozenset({p, c})) for p, c in zip(POSITIONS, COMMANDS, strict=True)]
+        pairs += [SignalPair(p, c, frozenset({p, c})) for p, c in zip(POSITIONS, COMMANDS, strict=True)]
     return tuple(pairs)
 
 
@@ -128,7 +128,7 @@ class Responses:
             bad |= touched
         return (~bad).astype(np.float64)
 
-    def response(self, pair: Pair, columns: Sequence[Mapping[str, Array]]) -> Response:
+    def response(self, pair: SignalPair, columns: Sequence[Mapping[str, Array]]) -> Response:
         """Return how a pair of signals in `columns`, one mapping for each recording, fits together."""
         sides = [
             self._weighted_sides(pair, c, band, w)
@@ -142,7 +142,9 @@ class Responses:
             return replace(response, share=sqrt(answers / max(rates, 1e-300)) / self.frequency)
         return replace(response, gain_range=FORCE_RANGE) if self.commands == "force" else response
 
-    def _weighted_sides(self, pair: Pair, columns: Mapping[str, Array], band: Band, weights: Array) -> Sides:
+    def _weighted_sides(
+        self, pair: SignalPair, columns: Mapping[str, Array], band: Band, weights: Array
+    ) -> Sides:
         """Return both sides where they are compared, without their means, and 0 in gaps."""
         kept = np.flatnonzero(weights)
         part = slice(kept[0], kept[-1] + 1) if len(kept) else slice(0, 0)  # zeros would count as signals
@@ -154,7 +156,9 @@ class Responses:
         )
         return Sides(cause, answer, rate, band.period)
 
-    def _sides(self, pair: Pair, columns: Mapping[str, Array], band: Band) -> tuple[Array, Array, Array]:
+    def _sides(
+        self, pair: SignalPair, columns: Mapping[str, Array], band: Band
+    ) -> tuple[Array, Array, Array]:
         """Return the filtered cause and answer (N,) in the same unit, and the rate that friction brakes."""
         if pair.answer not in ANGLES:
             cause, answer = columns[pair.cause], columns[pair.answer]

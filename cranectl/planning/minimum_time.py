@@ -20,7 +20,7 @@ from cranectl.planning.problem import (
     ToLoad,
     series_along,
 )
-from cranectl.planning.programs import PENALTIES, Budget, solve
+from cranectl.planning.programs import PENALTIES, ProgramBudget, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
@@ -110,16 +110,16 @@ def minimum_time(task: Task) -> FastestMotion | None:
 
     Work and memory are bounded: by a budget of programs, and by the samples that a refinement may add.
     """
-    budget = Budget()
+    budget = ProgramBudget()
     return _minimum_time(task, budget=budget) or _minimum_time(
         task, RETRY_SLOWDOWN, PENALTIES[-1], budget=budget
     )
 
 
 def _minimum_time(
-    task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[0], budget: Budget | None = None
+    task: Task, slowdown: float = 1.0, penalty: float = PENALTIES[0], budget: ProgramBudget | None = None
 ) -> FastestMotion | None:
-    budget = budget or Budget()
+    budget = budget or ProgramBudget()
     fractions = np.linspace(0.0, 1.0, task.spans * task.samples_per_span + 1)
     tightened, passage_samples = tighten_limits(task), PASSAGE_SAMPLES
     problem = Problem(tightened, fractions)

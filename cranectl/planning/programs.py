@@ -34,7 +34,7 @@ MIN_MULTIPLIER = 1e-6  # of an active limit
 FEASIBILITY_TOLERANCE = 1e-3  # excess of a solution, as a share of a limit
 
 
-class Budget:
+class ProgramBudget:
     """How many quadratic programs a search may still solve, so that its work has a bound."""
 
     def __init__(self, programs: int = MAX_PROGRAMS) -> None:
@@ -55,7 +55,7 @@ class Solution(NamedTuple):
 
 
 def solve(
-    problem: Problem, x: Array, sizes: Array, budget: Budget, min_penalty: float = PENALTIES[0]
+    problem: Problem, x: Array, sizes: Array, budget: ProgramBudget, min_penalty: float = PENALTIES[0]
 ) -> Solution:
     """Find a local minimum of the duration from the guess `x`; `sizes` (unknowns,) scale the steps.
 
@@ -82,7 +82,7 @@ class Merit:
     time_scale: float  # [s]
     effort: float
     excess: float
-    budget: Budget
+    budget: ProgramBudget
 
     def value(self, x: Array) -> tuple[float, Array]:
         """Return the merit [s] and the excesses."""

@@ -66,7 +66,7 @@ CASES: Cases = {
              "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7" + " --tilt 0 0" * 2001,
              "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7 --tilt 0 0"),
     ],
-    "cli/command.py": [
+    "cli/counts.py": [
         Case("choose such a number, or leave {} out", VALIDATE.format("--jobs 1000000000"),
              VALIDATE.format("--jobs 1"), VALIDATE.format("")),
     ],

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from cranectl.measured.mapping import MeasuredMap
-from cranectl.measured.plausibility import Verdict, check_physics
+from cranectl.measured.plausibility import PhysicsVerdict, check_physics
 from cranectl.measured.responses import Recording
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.settings import parse_settings
@@ -94,7 +94,7 @@ def recorded(table: dict[str, Array], settings: MeasuredMap) -> Recording:
     return Recording(signals, float(table["t"][1]), np.ones(len(table["t"]), dtype=np.bool_))
 
 
-def judge(rig: str, table: dict[str, Array], settings: MeasuredMap) -> Verdict:
+def judge(rig: str, table: dict[str, Array], settings: MeasuredMap) -> PhysicsVerdict:
     return check_physics([recorded(table, settings)], settings, load_rig(rig))
 
 

@@ -8,7 +8,7 @@ from cranectl.planning.limits import limits_of
 from cranectl.planning.minimum_time import SPANS, _thin
 from cranectl.planning.plan import plan_move, plan_segments
 from cranectl.planning.problem import SAMPLES_PER_SPAN, Problem
-from cranectl.planning.programs import MAX_PROGRAMS, Budget
+from cranectl.planning.programs import MAX_PROGRAMS, ProgramBudget
 from cranectl.planning.proof import MAX_PIECES, Proof, Violation, polynomial_pieces, prove
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import Move, Spline, seconds
@@ -28,13 +28,13 @@ MORE_PROGRAMS = 10  # times those of a normal move, as many as a short one may t
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Count the quadratic programs that are solved, each with about as much work."""
     counts = [0]
-    spend = Budget.spend
+    spend = ProgramBudget.spend
 
-    def counted(self: Budget) -> bool:
+    def counted(self: ProgramBudget) -> bool:
         counts[0] += 1
         return spend(self)
 
-    monkeypatch.setattr(Budget, "spend", counted)
+    monkeypatch.setattr(ProgramBudget, "spend", counted)
     return counts
 
 
@@ -182,10 +182,10 @@ def test_an_undecided_proof_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_spent_budget_ends_a_descent(monkeypatch: pytest.MonkeyPatch) -> None:
-    budget = Budget(3)
+    budget = ProgramBudget(3)
     assert [budget.spend() for _ in range(5)] == [True, True, True, False, False]
-    assert Budget().programs == MAX_PROGRAMS < 5000
-    monkeypatch.setattr(minimum_time, "Budget", lambda: Budget(5))
+    assert ProgramBudget().programs == MAX_PROGRAMS < 5000
+    monkeypatch.setattr(minimum_time, "ProgramBudget", lambda: ProgramBudget(5))
     assert planned(START, NORMAL).reference.segments[0].kind == "line"
     assert programs.MAX_STEPS * MAX_PROGRAMS < 1e6
 

@@ -36,7 +36,7 @@ from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support.arrays import Array
-from cranectl.support.counts import MAX_POINTS
+from cranectl.support.counts import MAX_OPERATING_POINTS
 from cranectl.support.errors import InputError
 
 MAX_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
@@ -124,11 +124,11 @@ def grid_of(
                 remedy="choose other rope lengths, or set rig.rope_range",
             )
     count = len(rope_lengths) * len(tilts) * len(hoisting_speeds)
-    if count > MAX_POINTS:
+    if count > MAX_OPERATING_POINTS:
         raise InputError(
             f"{count} operating points: {len(rope_lengths)} rope lengths, {len(tilts)} tilts, "
             f"{len(hoisting_speeds)} hoisting speeds",
-            allowed=f"up to {MAX_POINTS} combinations",
+            allowed=f"up to {MAX_OPERATING_POINTS} combinations",
             remedy="name fewer of them, and certify in parts",
         )
     combinations = itertools.product(rope_lengths, tilts, hoisting_speeds)

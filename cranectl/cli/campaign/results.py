@@ -9,6 +9,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.campaign.options import Judgement, judgement_options
 from cranectl.cli.controller_options import controllers_option
+from cranectl.cli.counts import count_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
 from cranectl.support.counts import MAX_REPLAYS
 from cranectl.support.files import HTML
@@ -123,9 +124,7 @@ def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
 
 @click.command("replay", cls=command.Command)
 @click.argument("result", type=command.PATH)
-@command.count_option(
-    "--worst", "The N worst of all controllers and plants. Default: 3.", highest=MAX_REPLAYS
-)
+@count_option("--worst", "The N worst of all controllers and plants. Default: 3.", highest=MAX_REPLAYS)
 @click.option(
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )

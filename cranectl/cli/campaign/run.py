@@ -11,8 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import Judgement, campaign_argument, judgement_options
-from cranectl.cli.command import Command, arguments_given, count_option, directory_option, json_option
+from cranectl.cli.command import Command, arguments_given, directory_option, json_option
 from cranectl.cli.controller_options import timeout_option
+from cranectl.cli.counts import count_option
 from cranectl.cli.output import Screen, progress
 from cranectl.support.counts import MAX_WORKERS
 
