@@ -135,6 +135,7 @@ class KeptError:
         self._place += len(data)
         self._size = max(self._size, self._place)
         self._attempt(lambda: self._stream.write(data))
+        self._attempt(self._stream.flush)  # a kill loses what the library buffers, and no more
         return len(data)
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:

@@ -69,7 +69,8 @@ def make_limits(limits: DriveLimits | None, period: float) -> SetpointLimits:
     return SetpointLimits(np.array(limits.velocity), period * np.array(limits.acceleration))
 
 
-CUT_OFF = 1e-9  # share of the velocity limit; a smaller change of a set-point does not count as limited
+CUT_OFF = 1e-9  # share of the largest set-point; a smaller change of one does not count as limited
+RISE = 1000.0  # samples in which a drive without a limit of velocity is taken to reach its largest set-point
 
 
 @jit
@@ -218,7 +219,7 @@ def limit_command(limits, actuation, integral, intended, previous, estimate, ass
         cut = commanded[axis] - intended[axis]
         if commanded[axis] != intended[axis]:
             integral[axis] += cut
-        if abs(cut) > CUT_OFF * limits.velocity[axis]:
+        if abs(cut) > CUT_OFF * min(limits.velocity[axis], RISE * limits.change[axis]):
             velocity = estimate[EXPECTED.velocity + axis]
             assumed[axis] = drive_acceleration(actuation, axis, commanded[axis], velocity)
             commanded[3 + axis] = 1.0

@@ -30,8 +30,9 @@ MAX_NUMBER = 10**308  # about the largest whole number that floating point can h
 def checks_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
     """Let `function` raise InputError for an argument that is not of the annotated kind.
 
-    Classes, unions of them, and items of lists are checked. An iterator becomes a list. Missing and unknown
-    arguments raise TypeError, as in any function of Python.
+    Classes, unions of them, and items of lists are checked, those of an iterator when they are taken. An
+    iterator becomes a list where a sequence is annotated. Missing and unknown arguments raise TypeError, as
+    in any function of Python.
     """
     signature = inspect.signature(function)
 
@@ -56,7 +57,7 @@ def checks_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
 
 
 def checked(name: str, value: Any, hint: Any) -> Any:
-    """Return `value`, an iterator as a list; raise InputError if it is not of the kind `hint`."""
+    """Return `value`, or its items as they are checked; raise InputError if it is not of the kind `hint`."""
     is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
     kinds = typing.get_args(hint) if is_union else (hint,)
     for kind in kinds:
@@ -65,10 +66,13 @@ def checked(name: str, value: Any, hint: Any) -> Any:
             is_single = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
             if is_single or not isinstance(value, collections.abc.Iterable):
                 continue
-            items = value if isinstance(value, collections.abc.Sized) else list(value)
-            for k, item in enumerate(items):
-                checked(f"{name}[{k}]", item, typing.get_args(kind)[0])
-            return items
+            (item_kind,) = typing.get_args(kind)
+            is_sized = isinstance(value, collections.abc.Sized)
+            items = (checked(f"{name}[{k}]", item, item_kind) for k, item in enumerate(value))
+            if of is collections.abc.Iterable and not is_sized:
+                return items  # which may have no end
+            checked_items = list(items)
+            return value if is_sized else checked_items
         if _is_of(value, of):
             return value
     raise InputError(

@@ -75,7 +75,7 @@ def test_validate_writes_all_runs_and_agreements_as_json(capsys: pytest.CaptureF
     assert main(["validate", "fixed-position", *SHORT, "--json", "-"]) == 0
     captured = capsys.readouterr()
     result = json.loads(captured.out)
-    assert set(result) == {"passed", "runs", "agreements", "failed", "lost"}
+    assert set(result) == {"passed", "interrupted", "runs", "agreements", "failed", "lost"}
     assert result["passed"] is True
     assert {(r["scenario"], r["controller"], r["plant"], r["drive"]) for r in result["runs"]} == {
         ("fixed-position", controller, plant, drive)

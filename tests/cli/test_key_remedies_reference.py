@@ -92,6 +92,11 @@ EVEN = "[1.0,0.77,-0.7],[1.1,0.77,-0.7],[1.2,0.77,-0.7],[1.4,0.77,-0.7]"
 QUICK, FASTER = "times=[0, 0.6, 1.2]", "velocity=[3.0, 3.0, 3.0]"
 HARDER = "acceleration=[30.0, 30.0, 30.0]"
 NO_FORCE = ["--drive", "velocity", "effects.limits.force=[1e9, 1e9, 1e9]"]
+LIMITED = [
+    *NO_FORCE,
+    "effects.limits.velocity=[1.0, 1.0, 0.6]",
+    "effects.limits.acceleration=[4.0, 4.0, 6.0]",
+]
 ENCODING = "save it as CSV in UTF-8, or as Parquet"
 MAP = "map it: columns = {{} = '…'}{}"
 REST = "leave out {}; to rest there, give times in place of speeds"
@@ -166,8 +171,8 @@ CASES = {
         Case("record it with a rest before and after, or cut it there", samples("moving.csv"), samples()),
         Case(DEMAND, through(QUICK), through("times=[0, 3, 6]"),
              [through(QUICK), f"rig.effects.limits.{FASTER}", f"rig.effects.limits.{HARDER}"]),
-        Case(DEMAND, [*NO_FORCE, through(QUICK)],
-             [*NO_FORCE, through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"]),
+        Case(DEMAND, [*LIMITED, through(QUICK)],
+             [*LIMITED, through(QUICK), f"effects.limits.{FASTER}", f"effects.limits.{HARDER}"]),
         Case("give the motion more time, or fewer knots by spans", samples("fast.csv"), samples()),
     ],
 }  # fmt: skip

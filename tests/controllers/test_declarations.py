@@ -46,7 +46,7 @@ def logged(index: Any, name: Any = "x") -> tuple[Logged, ...]:
         ({"parameters": (Parameter("", 1.0, "", ""),)}, "a parameter named ''", "one character"),
         ({"logged": 7}, "own.logged = 7", "cranectl.Logged"),
         ({"reads": ("mass",)}, "own.reads = 'mass'", "load_mass"),
-        ({"reads": "path"}, "own.reads = 'p'", "gravity"),
+        ({"reads": "path"}, "Controller.reads = 'path'", "a tuple"),
         ({"logged": logged(0, 5)}, "a signal named 5", "letters"),
         *(
             ({"logged": logged(index)}, "the place of 'x'", "0 to 999999")
@@ -134,7 +134,7 @@ class Own:
     [
         *((f"memory = {value}", "own.memory = ") for value in (-3, "'abc'", "None", 3.5, "True", 10**12)),
         ("parameters = {'k': 'abc'}", "own.parameters: k = 'abc'"),
-        ("parameters = {3: 5}", "named 3"),
+        ("parameters = {3: 5}", "Parameter.name = 3"),
         ("logged = {'x': 'abc'}", "the place of 'x' = 'abc'"),
         ("name = 5", "named '5'"),
         ("period = 'x'", "own.period = 'x'"),

@@ -15,7 +15,7 @@ from cranectl.simulate import plan_reference, simulate_run
 from cranectl.simulate.runner import nominal_crane
 from tests.conftest import ROOT
 
-NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0]}
+NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0], "force": [60.0, 40.0, 30.0]}
 OF_RUN = [f"effects.limits.{name}={value}" for name, value in NUMBERS.items()]
 OF_RIG = [*(f"rig.{setting}" for setting in OF_RUN), "effects.limits={}"]
 LAWS = [

@@ -60,6 +60,7 @@ LABELS = {
 }
 ELSEWHERE = {
     "limits": "a table of metrics by name, of which one is tried",
+    "control.physics_step": "absent by default; tests/plants/test_steps.py has it",
     **{
         f"rig.{name}": "of a model file; tests/plants/test_model_in_rig.py and test_own_model.py have them"
         for name in ("model", *(f"plant.names.{key}" for key in ModelNames.model_fields))

@@ -19,10 +19,11 @@ def test_a_former_name_works_and_warns_the_caller() -> None:
         assert double(former=3.0) == 6.0
     assert warned[0].filename == __file__
     former_names = {"known": "nominal", "law": "compiled_controller", "patience": "timeout"}
-    for former, present in former_names.items():
+    values = (None, None, 600.0)
+    for (former, present), value in zip(former_names.items(), values, strict=True):
         assert present in inspect.signature(cranectl.simulate_run).parameters
         with (
             pytest.warns(DeprecationWarning, match=f"{former} of simulate_run is now {present}"),
             pytest.raises(cranectl.InputError, match="ropes"),
         ):
-            cranectl.simulate_run(cranectl.load_scenario("fixed-position"), drive="ropes", **{former: None})
+            cranectl.simulate_run(cranectl.load_scenario("fixed-position"), drive="ropes", **{former: value})
