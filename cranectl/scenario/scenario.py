@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
-from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings, Wind
+from cranectl.scenario.effects import NO_EFFECTS, NO_LIMIT, DriveLimits, EffectSettings, Wind
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Segment, is_planned, seconds
@@ -215,8 +215,16 @@ class Scenario(Settings):
 
     @property
     def drive_limits(self) -> DriveLimits:
-        """The limits of the drives: `effects.limits`, or else the rig's numbers for that effect."""
-        return self.effects.limits or self.rig.effects.limits
+        """The limits of the drives: `effects.limits`, or else the rig's numbers for that effect.
+
+        Planning and controllers need limits of velocity and acceleration. Where `effects.limits` states none,
+        so that a run does not limit them, they are the rig's.
+        """
+        stated, of_rig = self.effects.limits, self.rig.effects.limits
+        if stated is None:
+            return of_rig
+        unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= NO_LIMIT]
+        return stated.model_copy(update={name: getattr(of_rig, name) for name in unlimited})
 
     @property
     def drive_limits_key(self) -> str:

@@ -145,7 +145,7 @@ def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
     [
         (["run", "small.toml", "--controller", "lqr,"], "a name is empty"),
         (["run", "small.toml", "--set", "duraton=1"], "unknown key 'duraton'"),
-        (["run", "small.toml", "--workers", "0"], "0 is not in the range"),
+        (["run", "small.toml", "--workers", "0"], "--workers 0"),
         (["run", "small.toml", "--resume", "--overwrite"], "exclude each other"),
         (["run", "small.toml", "--despite-differences"], "--despite-differences without --resume"),
         (["run", "small.toml", "--out", "small.toml"], "cannot write small.toml"),
