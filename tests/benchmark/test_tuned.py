@@ -70,7 +70,7 @@ def test_no_chosen_numbers_are_worse_than_the_published_ones_in_validation() -> 
 
 
 def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) -> None:
-    """Within 2 % of the range of the search."""
+    """Within 2 % of the range of the search; `test_standings.py` has those of the compiled `nmpc`."""
     at_bounds = {}
     for controller in measured_controllers(benchmark):
         found = dict(leaves(read_toml(TUNED / f"{controller}.toml")["parameters"]))
@@ -85,7 +85,7 @@ def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) ->
     page = (ROOT / "docs" / "reference" / "standings.md").read_text(encoding="utf-8")
     rows = page.partition("| numbers at the upper bound |")[2].splitlines()[2:]
     shown = [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows if row.startswith("|")]
-    assert {name: ends for name, *ends in shown} == at_bounds
+    assert {name: ends for name, *ends in shown if name != "`nmpc`"} == at_bounds
 
 
 def test_seed_of_judged_cranes_follows_from_rules_and_frozen_numbers(benchmark: Benchmark) -> None:

@@ -23,7 +23,10 @@ from tests.export.fmus import Instance, symbols
 PUSHES = "{start=1.0, end=1.5, force=[0.4,-0.3,0.2]}, {joint='alpha', start=2.0, end=2.5, magnitude=0.5}"
 PUSHED = f"disturbances=[{PUSHES}]"
 ALL = [f"effects.{name}={{}}" for name in ("rope", "body", "wind", "frame", "friction", "limits")]
-NO_SET_POINTS = ["effects.limits.velocity=[1e9,1e9,1e9]", "effects.limits.acceleration=[1e9,1e9,1e9]"]
+NO_SET_POINTS = [
+    "effects.limits.force=[60.0,40.0,30.0]",
+    *(f"effects.limits.{name}=[1e9,1e9,1e9]" for name in ("velocity", "acceleration")),
+]
 SMOOTH = ["effects.wind={}", "effects.friction.coulomb=[0,0,0]", "effects.friction.viscous=[0,0,0]"]
 CASES = {
     "analytic, velocity": ("analytic", "velocity", [PUSHED]),
