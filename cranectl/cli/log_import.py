@@ -58,7 +58,7 @@ def import_log(
     cranectl new map monday.csv
     cranectl log import monday.csv --map monday-map.toml
     cranectl log import drives.csv camera.csv --map both.toml --out logs/monday/measured.mcap
-    cranectl log import week/*.csv --map week.toml --each
+    cranectl log import monday.csv tuesday.csv --map week.toml --each
     cranectl compare logs/monday/measured.mcap
     """
     from cranectl.log.writer import write_log
