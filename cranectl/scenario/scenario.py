@@ -220,9 +220,8 @@ class Scenario(Settings):
         Planning and controllers need limits of velocity and acceleration. Where `effects.limits` states none,
         so that a run does not limit them, they are the rig's.
         """
-        stated, of_rig = self.effects.limits, self.rig.effects.limits
-        if stated is None:
-            return of_rig
+        of_rig = self.rig.effects.limits
+        stated = self.effects.limits or of_rig
         unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= NO_LIMIT]
         return stated.model_copy(update={name: getattr(of_rig, name) for name in unlimited})
 
