@@ -109,7 +109,8 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
     if find_spec("pytest") is None:
         click.echo("install pytest for the test: python -m pip install pytest")
-    click.echo(f"try it: python -m pytest {shlex.quote(str(directory / f'test_{module}.py'))}")
+    test = click.format_filename(directory / f"test_{module}.py")
+    click.echo(f"try it: python -m pytest {shlex.quote(test)}")
 
 
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
@@ -178,4 +179,4 @@ def _write(texts: Mapping[Path, str], *, shared: str = "") -> None:
         with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, text)
-        click.echo(f"written: {path}")
+        click.echo(f"written: {click.format_filename(path)}")
