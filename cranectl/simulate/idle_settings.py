@@ -45,8 +45,10 @@ DESIGNED = {
     "hinf": "design.hinf.*",
     "loop-shaping": "design.loop_shaping.*",
 }
-# Sensors that a controller of the package does not read, unless its drives take forces.
-UNREAD = {"pid": "effects.sensing.angle_*"}
+# What a controller of the package does not read, by the command of its drives: encoders, and the observer
+# that tells rates and accelerations from them.
+OBSERVER_SETTING, ANGLE_SENSORS = "effects.sensing.observer_bandwidth", "effects.sensing.angle_*"
+UNREAD = {("pid", "acceleration"): (ANGLE_SENSORS,), ("pid", "velocity"): (ANGLE_SENSORS, OBSERVER_SETTING)}
 # Parameters of the package's controllers that act unless another parameter has this value.
 UNUSED = {
     "controller.pid.filter_time": ("derivative", 0.0),
@@ -148,10 +150,11 @@ def _why_idle(
     planned = not requested.reference.planned
     if name == "control.lag_compensation":
         return None if planned else _why_no_lead(use, design)
-    unread = UNREAD.get(use.controller, "") if DRIVES[use.drive].command != "force" else ""
-    if fnmatchcase(name, unread):
-        return f"{use.controller} does not read these encoders"
-    zero = {key: is_zero for key, is_zero in zero.items() if not fnmatchcase(key, unread)}
+    unread = UNREAD.get((use.controller, DRIVES[use.drive].command), ())
+    if any(fnmatchcase(name, pattern) for pattern in unread):
+        source = "the observer" if name == OBSERVER_SETTING else "these encoders"
+        return f"{use.controller} does not read {source}"
+    zero = {key: is_zero for key, is_zero in zero.items() if not any(fnmatchcase(key, p) for p in unread)}
     why = why_idle_on_plant(name, use.plant, use.drive, zero)
     if why and fnmatchcase(name, LAG) and (planned or _uses_lag(name, scenario, use, design)):
         return None

@@ -252,6 +252,17 @@ def test_a_setting_that_needs_another_number_is_reported(name: str, value: float
     assert idle_settings(scenario, scenario, [name], [RunKind("analytic", "ideal", controller)])
 
 
+@pytest.mark.parametrize(("drive", "reads"), [("ideal", True), ("velocity", False), ("force", True)])
+def test_the_observer_is_idle_where_nobody_reads_its_estimates(drive: Any, reads: bool) -> None:
+    """PID commands speeds to velocity drives, and their record has the acceleration of the drive itself."""
+    sensing = ["effects.sensing={}", *SHORT]
+    name = "effects.sensing.observer_bandwidth"
+    _, before = outcome(sensing, "analytic", drive, "pid")
+    scenario, after = outcome([*sensing, f"{name}=80.0"], "analytic", drive, "pid")
+    assert (after != before) is reads
+    assert bool(idle_settings(scenario, scenario, [name], [RunKind("analytic", drive, "pid")])) is not reads
+
+
 def test_what_a_plant_of_another_package_excludes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     entry = PlantEntry(
         name="own", label="own", colour="series-4", where="own:Own", batch=2, by_default=False,
