@@ -8,6 +8,7 @@ import codecs
 import io
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -207,32 +208,38 @@ def _convert(text: _Text, layout: Layout, width: int, column: int, *, has_comma:
     from pyarrow import csv as arrow
 
     header = layout.header
-    is_plain = text.encoding in _PLAIN and layout.separator != BLANKS and 1 < width == header.columns
-    unique = [str(k) for k in range(width)]
-    source = pa.PythonFile(_Rewritten(text, layout, width), mode="r") if not is_plain else text.open()
-    with (
-        source,
-        arrow.open_csv(
+
+    def read(*, is_plain: bool) -> Any:
+        unique = [str(k) for k in range(width)]
+        source = text.open() if is_plain else pa.PythonFile(_Rewritten(text, layout, width), mode="r")
+        with (
             source,
-            read_options=arrow.ReadOptions(
-                column_names=unique,
-                skip_rows=header.start if is_plain else 0,
-                encoding=text.encoding if is_plain else "utf-8",
-                block_size=4 * MAX_LINE,
-            ),
-            parse_options=arrow.ParseOptions(
-                delimiter="\t" if layout.separator == BLANKS else layout.separator,
-                invalid_row_handler=lambda row: "error" if is_data(row.text or "") else "skip",
-            ),
-            convert_options=arrow.ConvertOptions(
-                column_types={unique[column]: pa.float64() if kind in ("number", "") else pa.string()},
-                decimal_point="," if has_comma else ".",
-                include_columns=[unique[column]],
-                strings_can_be_null=True,
-            ),
-        ) as blocks,
-    ):
-        return pa.chunked_array([block.column(0) for block in blocks])
+            arrow.open_csv(
+                source,
+                read_options=arrow.ReadOptions(
+                    column_names=unique,
+                    skip_rows=header.start if is_plain else 0,
+                    encoding=text.encoding if is_plain else "utf-8",
+                    block_size=4 * MAX_LINE,
+                ),
+                parse_options=arrow.ParseOptions(
+                    delimiter="\t" if layout.separator == BLANKS else layout.separator
+                ),
+                convert_options=arrow.ConvertOptions(
+                    column_types={unique[column]: pa.float64() if kind in ("number", "") else pa.string()},
+                    decimal_point="," if has_comma else ".",
+                    include_columns=[unique[column]],
+                    strings_can_be_null=True,
+                ),
+            ) as blocks,
+        ):
+            return pa.chunked_array([block.column(0) for block in blocks])
+
+    if text.encoding in _PLAIN and layout.separator != BLANKS and 1 < width == header.columns:
+        # Rows of another length may be comments. Arrow's own handler of them fails for damaged characters.
+        with suppress(pa.ArrowInvalid):
+            return read(is_plain=True)
+    return read(is_plain=False)
 
 
 def _rewritten(text: _Text, layout: Layout, width: int) -> Iterator[str]:
