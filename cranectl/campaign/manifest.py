@@ -134,9 +134,13 @@ def checked_manifest(data: Any, source: str) -> Table:
         manifest = {**data, **READERS[number], "format": FORMAT}
         tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
         if isinstance(scenario := manifest.get("scenario"), dict):
-            tables.append(scenario.get("rig"))
-            for items in (manifest.get("accepted"), scenario.get("disturbances")):
+            reference = scenario.get("reference")
+            tables += [scenario.get("rig"), reference]
+            segments = reference.get("segments") if isinstance(reference, dict) else None
+            for items in (manifest.get("accepted"), scenario.get("disturbances"), segments):
                 tables += items if isinstance(items, list) else [None]
+            for segment in (part for part in segments or () if isinstance(part, dict)):
+                tables += [segment[key] for key in ("source", "made_from") if segment.get(key) is not None]
         if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
             return manifest
     newer = isinstance(number, int) and number > FORMAT

@@ -113,7 +113,16 @@ def test_records_that_cannot_be_read(samples: Path, text: str, found: str, remed
     assert remedy in caught.value.remedy
 
 
-@pytest.mark.parametrize("keys", [["accepted"], ["scenario", "rig"], ["scenario", "disturbances"]])
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ["accepted"],
+        ["scenario", "rig"],
+        ["scenario", "disturbances"],
+        ["scenario", "reference"],
+        ["scenario", "reference", "segments"],
+    ],
+)
 @pytest.mark.parametrize("damaged", [None, "a", ["a"], [None]])
 def test_a_manifest_must_have_what_results_are_compared_by(
     samples: Path, keys: list[str], damaged: object
