@@ -72,7 +72,7 @@ COMMANDS = {
     "Explain": {
         "design": "Design one or several controllers and show what they achieve.",
         "ladder": "Measure what each effect of the real rig costs, one by one.",
-        "identify": "Fit the numbers of a crane to measured LOGs.",
+        "identify": "Fit the numbers of a crane to at least three measured runs.",
         "thesis": "Run chapter 5 of the thesis again and compare its numbers.",
     },
 }

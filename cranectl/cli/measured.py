@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import click
 
 from cranectl.cli import exit_codes
 from cranectl.cli.command import command_given
+from cranectl.cli.measured_files import read_measured
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
 from cranectl.support.errors import InputError
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 MEASURED_LABEL = "measured-crane"  # in an overlay
-JUDGED_OPTIONS = ("scenarios", "rig", "tolerance", "junit", "report", "json_file")  # for measured logs
+# Options of `validate` for measured runs.
+JUDGED_OPTIONS = ("scenarios", "rig", "map_file", "sheets", "tolerance", "junit", "report", "json_file")
 SHOWN = {"m": (1e3, "mm"), "rad": (degrees(1.0), "°")}
 
 
@@ -126,33 +129,31 @@ def _residuals(prediction: "Run") -> list[dict[str, Any]]:
     return residuals
 
 
-def measured_run(log: Path) -> "Run":
-    """Return the measured run of a log; raise InputError if it has none with angles."""
-    from cranectl.log.reader import read_log
-
-    runs = read_log(log)
-    run = runs.get("measured")
-    if run is None or not run.has("state"):
-        raise InputError(
-            f"{log} has no measured run with angles",
-            allowed="logs of `cranectl log import` with positions and angles",
-            remedy="import the measured files, with the columns of both angles in the map",
-        )
-    return run
+def is_measured(name: str) -> bool:
+    """Return whether a name is that of a measured file, and of no scenario: it ends, but not in .toml."""
+    path = Path(name)
+    with suppress(OSError, ValueError):  # no name of a file
+        if path.is_dir() or path.suffix.lower() == ".toml":
+            return False
+        return bool(path.suffix) or path.is_file()
+    return False
 
 
-def judge_logs(
+def judge_runs(
     names: tuple[str, ...],
     rig: Path | str | None,
     *,
+    map_file: Path | None,
+    sheets: str | None,
     tolerance: str | None,
     junit: Path | None,
     report: Path | None,
     screen: Screen,
 ) -> int:
-    """Judge measured logs by an identified crane, and tell the answers; return the exit code."""
-    from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge, read_fit
-    from cranectl.report.measured import fault_of, verdict_page, verdict_sentence, verdict_table
+    """Judge measured runs by an identified crane, and tell the answers; return the exit code."""
+    from cranectl.measured.fit import read_fit
+    from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge
+    from cranectl.report.measured import asides, explanation, verdict_page, verdict_sentence, verdict_table
     from cranectl.support.junit import JUnitCase
 
     context = click.get_current_context()
@@ -162,24 +163,32 @@ def judge_logs(
         for option in context.command.params
         if option.name not in JUDGED_OPTIONS
     }
-    refuse_options(given, "with measured logs", allowed="--rig, --tolerance, --junit, --report and --json")
-    if others := [name for name in names if not name.endswith(".mcap")]:
+    allowed = "--rig, --map, --sheets, --tolerance, --junit, --report and --json"
+    refuse_options(given, "with measured runs", allowed=allowed)
+    if others := [name for name in names if not is_measured(name)]:
         raise InputError(
-            f"{others[0]} beside measured logs, or --tolerance for it",
-            allowed="either scenarios, or measured logs with --rig and --tolerance",
-            remedy="judge scenarios and logs by two commands",
+            f"{others[0]} beside measured runs, or an option for these with it",
+            allowed="either scenarios, or measured runs with --rig, --map and --tolerance",
+            remedy="judge scenarios and measured runs by two commands",
         )
     if not names or rig is None:
         raise InputError(
-            "measured logs without the crane that judges them" if names else "a tolerance without logs",
-            allowed="logs of `cranectl log import` and the rig file of `cranectl identify`",
+            "measured runs without the crane that judges them"
+            if names
+            else "options for measured runs, and no runs",
+            allowed="logs of `cranectl log import`, or files with --map, and the rig of `cranectl identify`",
             remedy="cranectl validate LOG --rig identified.toml --tolerance 5mm",
         )
     accepted = None if tolerance is None else _length(tolerance)
-    runs, repeated = _distinct_runs(names)
-    verdicts = judge(runs, read_fit(Path(rig)), tolerance=accepted)
+    fit = read_fit(Path(rig))
+    files = [Path(name) for name in names]
+    measured = read_measured(files, map_file=map_file, sheets=sheets, rig=str(rig), screen=screen)
+    runs, repeated = _distinct_runs(measured.runs)
+    verdicts = judge(runs, fit, tolerance=accepted)
     good = [verdict.answer in (COVERED, WITHIN_TOLERANCE) for verdict in verdicts]
     screen.print(verdict_table(verdicts))
+    for verdict in verdicts:
+        screen.print_each(f"{verdict.name}: {t}" for t in (explanation(verdict, accepted), *asides(verdict)))
     screen.print(verdict_sentence(verdicts))
     screen.print_each(
         f"{name} is given twice, and judged once"
@@ -189,11 +198,13 @@ def judge_logs(
     )
     same = [{"name": name, "same_as": first} for name, first in repeated]
     facts = [verdict.to_json() for verdict in verdicts]
-    screen.write_json({"tolerance_m": accepted, "verdicts": facts, "repeated": same})
+    screen.write_json(
+        {"tolerance_m": accepted, "verdicts": facts, "repeated": same, "imported": measured.imported}
+    )
     if junit is not None:
         again = f"again: {command_given()}"
         cases = [
-            JUnitCase(str(rig), v.name, "passed" if passed else "failed", (fault_of(v), again))
+            JUnitCase(str(rig), v.name, "passed" if passed else "failed", (explanation(v, accepted), again))
             for v, passed in zip(verdicts, good, strict=True)
         ]
         screen.save_junit(cases, junit)
@@ -202,20 +213,22 @@ def judge_logs(
     return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
 
 
-def _distinct_runs(names: Sequence[str]) -> tuple[dict[str, "Run"], list[tuple[str, str]]]:
+def _distinct_runs(
+    named: Sequence[tuple[str, "Run"]],
+) -> tuple[dict[str, "Run"], list[tuple[str, str]]]:
     """Return measured runs by name, and each further name of one with the name of the first."""
-    from cranectl.measured.identity import readings_digest
+    from cranectl.measured.identity import Trace, repeated_in, trace_of
 
     runs: dict[str, Run] = {}
-    first_of: dict[str, str] = {}  # name by digest
+    traces: dict[str, Trace] = {}
     repeated = []
-    for name in names:
-        run = runs[name] if name in runs else measured_run(Path(name))
-        first = first_of.setdefault(readings_digest(run), name)
-        if first in runs:
-            repeated.append((name, first))
+    for name, run in named:
+        trace = trace_of(run)
+        same = [*traces].index(name) if name in traces else repeated_in(trace, [*traces.values()])
+        if same is None:
+            runs[name], traces[name] = run, trace
         else:
-            runs[name] = run
+            repeated.append((name, [*traces][same]))
     return runs, repeated
 
 

@@ -133,13 +133,14 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     _write({**texts, mapping: "".join(notes) + recording_map(name, base)})
     screen.print(programme_table(runs))
     estimates, unidentifiable = predict_estimates(runs[:-1], rig)
-    title = f"Predicted from runs 1 to {len(runs) - 1}, if the crane has the rig's numbers and encoders"
+    title = f"At best, from runs 1 to {len(runs) - 1}: if the crane is as the model, with the rig's encoders"
     screen.print(estimates_table(estimates, title))
     if unidentifiable:
         names = ", ".join(unidentifiable)
         screen.print(f"not identifiable, with intervals as large as the numbers: {names}")
-    screen.print("record each run with the columns that the map names, and import it:")
-    screen.print(f"  cranectl log import RECORDED.csv --map {shlex.quote(str(mapping))}")
+    options = f"--map {shlex.quote(str(mapping))} --rig {shlex.quote(rig_name)}"
+    screen.print("record each run with the columns that the map names, and identify the crane:")
+    screen.print(f"  cranectl identify RECORDED*.csv {options}")
 
 
 def programme_table(runs: "Sequence[Run]") -> "Table":

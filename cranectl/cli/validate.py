@@ -12,6 +12,8 @@ from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
 from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
+from cranectl.cli.measured import is_measured, judge_runs
+from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support.counts import MAX_WORKERS
 from cranectl.support.errors import InputError
@@ -53,7 +55,9 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @click.option(
     "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
 )
-@click.option("--tolerance", metavar="SIZE", help="For measured logs: the difference you accept, e.g. 5mm.")
+@map_option("For measured files: map of their columns.")
+@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@click.option("--tolerance", metavar="SIZE", help="For measured runs: the difference you accept, e.g. 5mm.")
 @command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
 @command.output_option("--report", HTML, "Write one HTML page: verdict, limits, worst moments.")
 @command.json_option
@@ -69,6 +73,8 @@ def validate_command(
     keep: "Keep",
     pairwise: bool,
     details: bool,
+    map_file: Path | None,
+    sheets: str | None,
     tolerance: str | None,
     junit: Path | None,
     report: Path | None,
@@ -84,9 +90,10 @@ def validate_command(
 
     SCENARIO is a name, a file, or a directory with scenarios, also in directories below it.
 
-    Measured logs in place of scenarios are judged by the crane that `cranectl identify` wrote, which must
-    not have used them: covered; not covered, but within your tolerance; not covered; or not decided,
-    where the band is wider than the tolerance or the fit did not converge. Exit code 1 for the last two.
+    Measured runs in place of scenarios are judged by the crane that `cranectl identify` wrote, which must
+    not have used them. They are logs of `cranectl log import`, or with --map the files that it reads, each a
+    run. Answers: covered; not covered, but within your tolerance; not covered; or not decided, with the
+    reason. Exit code 1 for the last two.
 
     \b
     cranectl validate
@@ -94,6 +101,7 @@ def validate_command(
     cranectl validate scenarios/ --keep failed --every 20 --junit junit.xml --report validation.html
     cranectl validate --jobs 1 --set rig.load_mass=2.5
     cranectl validate near-slack --plants all --drive all --pairwise
+    cranectl validate thursday.csv --map week.toml --rig identified.toml --tolerance 5mm
     cranectl validate thursday.mcap friday.mcap --rig identified.toml --tolerance 5mm
 
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
@@ -113,12 +121,12 @@ def validate_command(
     from cranectl.simulate import checked_drive
     from cranectl.simulate.child import BLOCK_TIMEOUT
 
-    if any(scenario.endswith(".mcap") for scenario in scenarios) or tolerance is not None:
-        from cranectl.cli.measured import judge_logs
-
-        return judge_logs(
-            scenarios, request.rig, tolerance=tolerance, junit=junit, report=report, screen=screen
-        )
+    own_options = (map_file, sheets, tolerance)  # of measured runs
+    if any(map(is_measured, scenarios)) or any(option is not None for option in own_options):
+        return judge_runs(
+            scenarios, request.rig, map_file=map_file, sheets=sheets, tolerance=tolerance, junit=junit,
+            report=report, screen=screen,
+        )  # fmt: skip
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)

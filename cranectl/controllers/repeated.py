@@ -4,6 +4,8 @@ These controllers are not registered. `simulate.stepping.prepare_repetition` pre
 they repeat, in place of a reference.
 """
 
+import functools
+
 import numpy as np
 
 from cranectl.controllers.controller import Command, Controller
@@ -30,6 +32,7 @@ def follow_motion(parameters, measured, reference, memory, command):  # noqa: AR
     return 0
 
 
+@functools.cache
 def repeated_commands(kind: Command, name: str = "measured-commands") -> Controller:
     """Return the controller that repeats commands of this kind."""
     return Controller(

@@ -117,13 +117,18 @@ def make_run(
     )
 
 
+def load_of(joints: Array) -> Array:
+    """Return positions of the load (N, 3) [m] from bridge, trolley, rope, alpha and beta (N, 5)."""
+    x, y, rope, alpha, beta = joints.T
+    lateral = rope * np.cos(beta)
+    return np.column_stack([x + rope * np.sin(beta), y + lateral * np.sin(alpha), -lateral * np.cos(alpha)])
+
+
 def _put_load(columns: Mapping[str, Array]) -> None:
     """Compute the columns of the load from those of the joints."""
-    x, y, rope, alpha, beta = (columns[name] for name in (*POSITIONS, *ANGLES))
-    lateral = rope * np.cos(beta)
-    np.add(x, rope * np.sin(beta), out=columns["load_x"])
-    np.add(y, lateral * np.sin(alpha), out=columns["load_y"])
-    np.multiply(-lateral, np.cos(alpha), out=columns["load_z"])
+    joints = np.column_stack([columns[name] for name in (*POSITIONS, *ANGLES)])
+    for name, values in zip(LOAD, load_of(joints).T, strict=True):
+        columns[name][:] = values
 
 
 def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int64], table: Array) -> Scenario:

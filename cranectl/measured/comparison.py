@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cranectl.measured.experiment import CHANNELS, Experiment, rig_with
+from cranectl.measured.assembly import load_of
+from cranectl.measured.experiment import ANGLE_SCALE, CHANNELS, Experiment, rig_with
 from cranectl.measured.replay import Replay, simulate_replay
 from cranectl.signals import LOAD, RESIDUAL, STATE
 from cranectl.simulate import Run
@@ -13,7 +14,6 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
-BLOCK_SAMPLES = 25  # samples whose mean is compared
 IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
 
 
@@ -63,6 +63,7 @@ def _with_residual(predicted: Run, measured: Run) -> Run:
 class ReadingsComparison:
     """Readings of a run and their prediction, as means over blocks; angles in m at the rope's end."""
 
+    block: int  # samples in a block
     time: Array  # middle of each block (B,) [s]
     channels: tuple[str, ...]  # names (C,)
     measured: Array  # (B, C) [m]
@@ -99,19 +100,77 @@ def compare_readings(
     `values` are the crane's numbers by name; the zero of the rope tells how long it is.
     """
     rope = predicted[:, 2:3] - rig_with(experiment.rig, values).effects.installation.rope_offset
-    lengths = block_means(np.where(IS_ANGLE, rope, 1.0))
+    block = experiment.block
+    lengths = block_means(np.where(IS_ANGLE, rope, 1.0), block)
     shown = experiment.channels
     return ReadingsComparison(
-        time=block_means(experiment.run.time[:, None])[:, 0],
+        block=block,
+        time=block_means(experiment.run.time[:, None], block)[:, 0],
         channels=CHANNELS[shown],
-        measured=(lengths * block_means(experiment.readings))[:, shown],
-        predicted=(lengths * block_means(predicted))[:, shown],
+        measured=(lengths * block_means(experiment.readings, block))[:, shown],
+        predicted=(lengths * block_means(predicted, block))[:, shown],
         deviation=(lengths * deviation)[:, shown],
     )
 
 
-def block_means(values: Array) -> Array:
-    """Return the means (B, C) of values (N, C) over BLOCK_SAMPLES samples; the rest of less is left out."""
-    whole = len(values) // BLOCK_SAMPLES * BLOCK_SAMPLES
-    means: Array = values[:whole].reshape(-1, BLOCK_SAMPLES, values.shape[1]).mean(axis=1)
+def block_means(values: Array, block: int) -> Array:
+    """Return the means (B, C) of values (N, C) over `block` samples; the rest of less is left out."""
+    whole = len(values) // block * block
+    means: Array = values[:whole].reshape(-1, block, values.shape[1]).mean(axis=1)
     return means
+
+
+@dataclass(frozen=True)
+class LoadDifference:
+    """Positions of the load, measured and predicted, at every sample [m]."""
+
+    time: Array  # (N,) [s]
+    measured: Array  # (N, 3)
+    predicted: Array  # (N, 3), NaN after the end of a prediction
+    band: Array  # two standard deviations of the prediction, from numbers and start (N,)
+    noise: float  # largest of N distances that noise and steps of the readings alone explain
+
+    @property
+    def distance(self) -> Array:
+        """Distance between measured and predicted load (N,) [m]; infinite where the prediction has ended."""
+        distance: Array = np.linalg.norm(self.measured - self.predicted, axis=1)
+        return np.nan_to_num(distance, nan=np.inf)
+
+    @property
+    def largest(self) -> int:
+        """Sample of the largest distance."""
+        return int(np.argmax(self.distance))
+
+
+def load_difference(
+    experiment: Experiment,
+    predicted: Array,
+    own: Array,
+    values: Mapping[str, float],
+    *,
+    band: Array,
+    noise: float,
+) -> LoadDifference:
+    """Return how far the measured load is from the predicted one, given readings `predicted` (N, 5).
+
+    `own` are the run's own numbers (Q,). Where the motion of the axes is repeated, it is no difference.
+    """
+    measured = experiment.readings.copy()
+    if experiment.replay == "motion":
+        measured[:, :3] = predicted[:, :3]
+    return LoadDifference(
+        time=experiment.run.time,
+        measured=load_of(true_joints(experiment, measured, own, values)),
+        predicted=load_of(true_joints(experiment, predicted, own, values)),
+        band=band,
+        noise=noise,
+    )
+
+
+def true_joints(experiment: Experiment, readings: Array, own: Array, values: Mapping[str, float]) -> Array:
+    """Return the joints (N, 5) that readings (N, 5) stand for: without zeros and scales of the sensors."""
+    joints = readings.copy()
+    joints[:, 2] -= rig_with(experiment.rig, values).effects.installation.rope_offset
+    zeros = own[experiment.compared - 2 : experiment.compared]
+    joints[:, 3:] = (joints[:, 3:] - zeros) / values.get(ANGLE_SCALE, 1.0)
+    return joints

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import degrees, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from cranectl.measured.assembly import rate_samples
-from cranectl.measured.replay import Replay, measured_motion, simulate_replay
+from cranectl.measured.replay import Replay, measured_motion, simulate_replay, with_longer_steps
 from cranectl.measured.responses import white_noise
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.scenario.rig import RigParameters
@@ -18,15 +19,16 @@ from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-MODEL, CHECK = "elastic", "mujoco"  # the plant that is fitted, and the one that checks it
+MODEL = "elastic"  # the plant that is fitted
 AXES = ("bridge", "trolley", "winch")
 CHANNELS: tuple[str, ...] = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
 ANGLE_SCALE, ANGLE_DELAY = "angles.scale", "angles.delay"  # of their sensor: no settings of a rig
-MIN_ERROR = 0.002  # of time constants and load: errors that all runs share
-MIN_DELAY_ERROR = 60e-6  # [s] on the laboratory rig; grows with the root of the size
-SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which its start is read
+SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which no axis may move at the start
 MIN_SLOPE_SAMPLES = 8  # samples from which a slope is read
-REST_SWING = 0.01  # [rad] of a load that counts as at rest; zeros of its sensors included
+REST_SWING = 0.01  # [rad] by which a load typically swings before a run begins
+STUCK_SHIFTS = 5.0  # times the angle at which a pivot sticks, by which a start is changed to see it swing
+BLOCKS_IN_SWING = 20  # means of readings that are compared, in the shortest swing of a run
+MIN_SAMPLES_IN_SWING = 20.0  # fewer samples do not show a swing
 STILL_STEPS, STILL_NOISE = 1.5, 4.0  # steps of an encoder and deviations of its noise in readings at rest
 UNSTATED_NOISE = 3.0  # times noise and steps of the rig, from which the noise of the readings counts
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
@@ -41,8 +43,6 @@ class Unknown:
     start: float
     scale: float  # typical size of a change
     low: float = -np.inf
-    floor: float = 0.0  # half of the interval that remains when all runs agree
-    relative_floor: float = 0.0  # the same as a share of the number
 
 
 def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
@@ -52,18 +52,16 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     if replay == "commands":
         for axis in AXES:
             tau = float(getattr(rig, f"{axis}_time_constant"))
-            fitted.append(
-                Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau, relative_floor=MIN_ERROR)
-            )
+            fitted.append(Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau))
         gains = rig.effects.installation.drive_gain
         fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in range(3)]
         for k in range(3):
             force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
             fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
         late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
-        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0, MIN_DELAY_ERROR * sqrt(size)))
+        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0))
         mass = rig.load_mass
-        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass, relative_floor=MIN_ERROR))
+        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass))
     else:
         late = 0.1 / sqrt(rig.gravity / rig.rope_range[1])
         fitted += [Unknown(ANGLE_SCALE, "1", 1.0, 0.1, 0.1), Unknown(ANGLE_DELAY, "s", 0.0, late)]
@@ -83,6 +81,16 @@ def rig_with(rig: RigParameters, values: Mapping[str, float]) -> RigParameters:
     return rig
 
 
+def assumed_value(rig: RigParameters, name: str) -> float:
+    """Return the value of a number that is not fitted."""
+    if name in (ANGLE_SCALE, ANGLE_DELAY):
+        return float(name == ANGLE_SCALE)
+    setting: Any = rig
+    for key in name.split("."):
+        setting = setting[int(key)] if key.isdigit() else getattr(setting, key)
+    return float(setting)
+
+
 def _replace(settings: Any, path: Sequence[str], value: float) -> Any:
     """Return settings, or a list of numbers, with another value at the end of `path`."""
     if not path:
@@ -98,7 +106,7 @@ class Experiment:
     """A measured run, and how its readings are predicted from numbers of the crane.
 
     Besides the crane's numbers a run has some of its own: where the axes are at its start, what the sensors
-    of the angles read at zero, and how the load swings at the start, unless it rests.
+    of the angles read at zero, and how the load swings at the start: alpha, its rate, beta, its rate.
     """
 
     def __init__(self, run: Run, rig: RigParameters, replay: Replay, max_readings: int) -> None:
@@ -117,16 +125,20 @@ class Experiment:
         self.noise = reading_noise(rig)
         self.still_noise = self._still_noise()
         self.frequency = sqrt(rig.gravity / float(state[0, 4]))
-        self.motion = self._first_motion()  # of a run that begins in motion, in words
+        self.motion = self._first_motion()  # of axes that move at the start, in words
         self.at_rest = not self.motion
+        shortest = 2.0 * pi * sqrt(max(float(self.readings[:, 2].min()), rig.rope_range[0]) / rig.gravity)
+        self.samples_in_swing = shortest / self.period
+        self.block = max(int(self.samples_in_swing / BLOCKS_IN_SWING), 1)
         self.start = state[0].copy()
         if self.at_rest:
             self.start[1::2] = 0.0
         self.channels = slice(0, 5) if replay == "commands" else slice(3, 5)
         self.compared = 5 if replay == "commands" else 2
         noise = 10.0 * self.noise
-        swing_scale = [noise[3], noise[3] * self.frequency, noise[4], noise[4] * self.frequency]
-        self.own_scale = np.array([*noise[self.channels], *([] if self.at_rest else swing_scale)])
+        angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(state[0, 4])))
+        swing_scale = [angles[0], angles[0] * self.frequency, angles[1], angles[1] * self.frequency]
+        self.own_scale = np.array([*noise[self.channels], *swing_scale])
 
     def _still_noise(self) -> Array:
         """Return the noise (5,) of readings at rest: that of the rig, unless the readings have far more."""
@@ -146,11 +158,12 @@ class Experiment:
         return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
 
     def resting_start(self) -> Array:
-        """Return the first state (10,); at rest the axes are where they rest, and the load hangs still."""
+        """Return the first state (10,); at rest the axes are where they rest, and a load hardly swings."""
         start: Array = self.start.copy()
         if self.at_rest:
-            start[:6:2] = self.readings[: self.still_samples(), :3].mean(axis=0)
-            start[6::2] = 0.0
+            still = self.still_samples()
+            start[:6:2] = self.readings[:still, :3].mean(axis=0)
+            start[6:] = self.run.block("state")[0, 6:] if self._first_swing(still) >= REST_SWING else 0.0
         return start
 
     def resting_commands(self) -> Array:
@@ -163,27 +176,51 @@ class Experiment:
         return commands
 
     def _first_motion(self) -> str:
-        """Return in words what moves at the start, or an empty text at rest."""
+        """Return in words what moves at the start, or an empty text if the axes rest."""
         first = max(round(SHORT_SPAN / (self.frequency * self.period)), 2)
-        still = self.still_samples()
         if self.replay == "commands":
             limits = np.array(self.rig.effects.limits.velocity)
             moving = bool((np.abs(self.commands[0, :3]) >= REST_SPEED * limits).any())
         else:
-            moving = still < min(first, len(self.readings))
-        if moving:
-            return f"an axis moves within the first {first * self.period:.2g} s"
-        swing = self._first_swing(min(first, still))
-        noise = STILL_NOISE * max(float(self.noise[3]), *self.still_noise[3:]) / sqrt(min(first, still))
-        return f"its load swings by {degrees(swing):.2g}°" if swing >= REST_SWING + noise else ""
+            moving = self.still_samples() < min(first, len(self.readings))
+        return f"an axis moves within the first {first * self.period:.2g} s" if moving else ""
 
-    def _first_swing(self, first: int) -> float:
-        """Return the amplitude of the swing at the start [rad], from the first readings."""
+    def first_own(self) -> Array:
+        """Return first values of this run's own numbers, from the samples before its axes move.
+
+        There the angles are their zeros and a free swing. A pause that is too short to tell these apart
+        shows a load that hardly swings.
+        """
+        own = np.zeros(len(self.own_scale))
+        if not self.at_rest:
+            return own
+        still = self.still_samples()
+        if self.replay == "commands":
+            own[:3] = self.readings[:still, :3].mean(axis=0) - self.readings[0, :3]
+        time = self.period * np.arange(still)
+        swings = np.column_stack([np.cos(self.frequency * time), np.sin(self.frequency * time)])
+        free = np.column_stack([np.ones(still), swings])
+        for k, noise in enumerate(self.noise[3:]):
+            angles = self.readings[:still, 3 + k]
+            precision = np.diag([0.0, 1.0, 1.0]) * (noise / self.usual_swing(k)) ** 2
+            zero, cosine, sine = np.linalg.solve(free.T @ free + precision, free.T @ angles)
+            own[self.compared - 2 + k] = zero
+            own[self.compared + 2 * k : self.compared + 2 * k + 2] = cosine, self.frequency * sine
+        return own
+
+    def _first_swing(self, still: int) -> float:
+        """Return the amplitude of the swing at the start above its noise [rad], zeros of sensors included."""
+        first = min(max(round(SHORT_SPAN / (self.frequency * self.period)), 2), still)
         angles = self.readings[:first, 3:]
+        noise = STILL_NOISE * max(float(self.noise[3]), *self.still_noise[3:]) / sqrt(first)
         if first < MIN_SLOPE_SAMPLES:
-            return float(np.abs(angles[0]).max())
+            return float(np.abs(angles[0]).max() - noise)
         slopes = np.polyfit(self.period * np.arange(first), angles, 1)[0]
-        return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / self.frequency).max())
+        return float(np.hypot(np.abs(angles.mean(axis=0)), slopes / self.frequency).max() - noise)
+
+    def usual_swing(self, k: int) -> float:
+        """Return by how much an angle, 0 or 1, may swing at the start [rad], as far as one can tell."""
+        return max(REST_SWING, 2.0 * float(np.ptp(self.readings[: self.still_samples(), 3 + k])))
 
     def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
         """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""
@@ -195,22 +232,26 @@ class Experiment:
         start[0:6:2] += zeros[:3]
         start[4] -= offset
         start[6::2] = 0.0 if self.at_rest else start[6::2] - zeros[3:]
-        if not self.at_rest:
-            start[6:10] += own[self.compared :]
+        start[6:10] += own[self.compared :]
         commands = self.commands
+        late = 0.0  # by which the plant's clock is behind that of the run, less than a period
         if self.replay == "commands":
-            late = delayed(commands, rig.effects.delay.seconds, self.period)
-            commands = late * np.array(rig.effects.installation.drive_gain)
+            whole, late = divmod(rig.effects.delay.seconds, self.period)
+            arrived = commands[(np.arange(len(commands)) - int(whole)).clip(min=0)]
+            commands = arrived * np.array(rig.effects.installation.drive_gain)
+            start[0::2] += late * start[1::2]
         else:
             commands = commands.copy()
             commands[:, 2] -= offset
         scenario = crane_scenario(self.run.scenario, rig, self.replay)
+        if plant == MODEL:
+            scenario = with_longer_steps(scenario, self.run.drive if self.replay == "commands" else "ideal")
         simulated = simulate_replay(
             self.run, plant, self.replay, scenario=scenario, commands=commands, initial=start
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
         state = simulated.block(STATE.name)
-        readings[: len(state)] = state[:, 0::2]
+        readings[: len(state)] = positions_before(state, late, self.period)
         readings[:, 2] += offset
         if ANGLE_DELAY in values:
             time = self.run.time
@@ -219,25 +260,33 @@ class Experiment:
         readings[:, 3:] = values.get(ANGLE_SCALE, 1.0) * readings[:, 3:] + zeros[3:]
         return readings
 
-    def is_offset(self, j: int) -> bool:
-        """Return whether the j-th number of this run only shifts the readings of its channel."""
-        if j >= self.compared:
-            return False
-        channel = range(5)[self.channels][j]
-        return channel < 2 or (channel > 2 and self.at_rest)
+    def own_slopes(self, values: Mapping[str, float], own: Array, base: Array) -> Array:
+        """Return the derivatives (Q, N, 5) of predicted readings `base` by this run's own numbers, (Q,)."""
+        slopes = np.zeros((len(own), *base.shape))
+        channels = range(5)[self.channels]
+        for j, scale in enumerate(self.own_scale):
+            channel = channels[j] if j < self.compared else None
+            if channel is not None and (channel < 2 or (channel > 2 and self.at_rest)):
+                slopes[j, :, channel] = 1.0  # it only shifts the readings
+            else:
+                moved = own.copy()
+                moved[j] += scale
+                slopes[j] = (self.predicted(values, moved) - base) / scale
+        return slopes
 
-    def offset_slope(self, j: int) -> Array:
-        """Return the derivative of the residuals (M,) by a number that only shifts readings."""
-        derivative = np.zeros((len(self.rows), self.compared))
-        derivative[:, j] = -self.own_scale[j] / self.noise[self.channels][j]
-        flat: Array = derivative.ravel()
-        return flat
+    def weighted(self, readings: Array) -> Array:
+        """Return readings (N, 5) at the compared rows and channels, in units of noise (M,)."""
+        values: Array = readings[self.rows][:, self.channels] / self.noise[self.channels]
+        return values.ravel()
 
     def residuals(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
         """Return measured minus predicted readings at the compared rows, in units of noise (M,)."""
-        difference: Array = (self.readings - self.predicted(values, own, plant))[self.rows][:, self.channels]
-        weighted: Array = np.nan_to_num(difference / self.noise[self.channels], nan=1e3)
-        return weighted.ravel()
+        return np.nan_to_num(self.weighted(self.readings - self.predicted(values, own, plant)), nan=1e3)
+
+
+def stuck_angle(rig: RigParameters, rope: float) -> float:
+    """Return the angle [rad] up to which friction of the pivot holds the load."""
+    return rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * rope)
 
 
 def encoders_of(rig: RigParameters) -> tuple[Array, Array]:
@@ -261,14 +310,17 @@ def reading_noise(rig: RigParameters, mean_of: int = 1) -> Array:
     return deviations.clip(min=1e-7)
 
 
-def delayed(commands: Array, dead_time: float, period: float) -> Array:
-    """Return commands (N, 3) that arrive later, as their means over each period, also for parts of it."""
-    time = period * np.arange(len(commands) + 1)
-    sums = period * np.vstack([np.zeros(commands.shape[1]), np.cumsum(commands, axis=0)])
-    late = np.column_stack([np.interp(time - dead_time, time, column) for column in sums.T])
-    before = np.minimum(time - dead_time, 0.0)[:, None] * commands[0]
-    means: Array = np.diff(late + before, axis=0) / period
-    return means
+def positions_before(state: Array, late: float, period: float) -> Array:
+    """Return the positions (N, 5) of states (N, 10) `late` seconds before each, at most a period.
+
+    Between two samples they are cubics with the positions and rates of both.
+    """
+    position, rate, share = state[:, 0::2], state[:, 1::2], 1.0 - late / period
+    curves = CubicHermiteSpline(
+        np.arange(2.0), np.stack([position[:-1], position[1:]]), period * np.stack([rate[:-1], rate[1:]])
+    )
+    between: Array = np.vstack([position[:1] - late * rate[:1], curves(share)])
+    return between
 
 
 def crane_scenario(scenario: Scenario, rig: RigParameters, replay: Replay) -> Scenario:

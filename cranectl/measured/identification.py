@@ -2,52 +2,42 @@
 
 The squared differences between measured and predicted readings are minimised by Levenberg and Marquardt's
 method. Readings are predicted with the plant `elastic`, from the measured commands, or from the measured
-motion of bridge, trolley and rope. Each number has a 95 % interval with three parts:
+motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
 
 - the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
-- steps and noise of the encoders, from drawn readings that are rounded as encoders do
-- a floor for errors that all runs share: how far MuJoCo would move the number, and at least a fixed share
+- steps and noise of the encoders, from drawn readings that are rounded as encoders do; this part grows if
+  the model misses the readings by more than noise
 
 Viscous friction of a drive with velocity set-points cannot be told from a shorter time constant and a
 smaller gain. So these two are effective numbers, and viscous friction is zero.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison, compare_readings
-from cranectl.measured.experiment import (
-    CHECK,
-    MODEL,
-    Experiment,
-    Unknown,
-    encoders_of,
-    reading_noise,
-    rig_with,
-    unknowns_of,
-)  # fmt: skip
+from cranectl.measured.comparison import (
+    LoadDifference,
+    ReadingsComparison,
+    compare_readings,
+    load_difference,
+)
+from cranectl.measured.experiment import Experiment, assumed_value, reading_noise, rig_with, unknowns_of
 from cranectl.measured.identity import check_all_differ
+from cranectl.measured.least_squares import FITTING_STEP, LeastSquares, reduced_equations
 from cranectl.measured.replay import Replay, default_replay
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array, Mask
+from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
-FITTING_STEP = 1e-3  # of a number's scale: smaller differences see the corners of friction
 MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
 MAX_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
-MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
-MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
-ENCODER_DRAWS = 50  # of readings, from which the covariance of encoders is computed
 NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
-MAX_FIT_STEPS = 40  # of the fit
 
 Progress = Callable[[str], None]
 
@@ -62,7 +52,15 @@ class Estimate:
     half_width: float
     spread: float  # standard deviation between runs
     encoders: float  # standard deviation from steps and noise of encoders
-    model_error: float  # by which MuJoCo would move it
+
+
+@dataclass(frozen=True)
+class OpenNumber:
+    """A number that was not identified, and by how much the others change if it is off by its scale."""
+
+    name: str
+    scale: float
+    compensation: Mapping[str, float]  # of the estimates, by their names
 
 
 @dataclass(frozen=True)
@@ -72,17 +70,31 @@ class Identification:
     rig: RigParameters  # with the fitted numbers
     replay: Replay
     estimates: tuple[Estimate, ...]
-    unidentifiable: tuple[str, ...]  # settings of which these runs say nothing
+    left_open: tuple["OpenNumber", ...]  # numbers of which these runs say nothing
     correlated: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
-    covariance: Array  # of the estimates, from the spread between runs and from encoders (P, P)
-    misfit: float  # mean square of the residuals in units of noise: 1 for a model without error
-    converged: bool
+    spread: (
+        Array  # covariance of the estimates from a spread between runs that encoders do not explain (P, P)
+    )
+    known: Array  # the same from noise and steps of the encoders (P, P)
+    misfits: Mapping[str, float]  # mean square of each channel's residuals in units of noise, 1 without error
+    converged: bool  # whether the optimiser finished
     comparisons: tuple[ReadingsComparison, ...]  # of the fitted runs
+    loads: tuple[LoadDifference, ...]  # of the fitted runs
 
     @property
     def runs(self) -> int:
         """Number of fitted runs."""
         return len(self.comparisons)
+
+    @property
+    def unidentifiable(self) -> tuple[str, ...]:
+        """Names of the numbers of which the runs say nothing."""
+        return tuple(number.name for number in self.left_open)
+
+    @property
+    def misfit(self) -> float:
+        """Misfit of the channel that fits worst."""
+        return max(self.misfits.values())
 
 
 def identify(
@@ -118,201 +130,79 @@ def identify(
         check_something_moves(fit)
         progress(f"fitting {len(fit.unknowns)} numbers, without those that these runs leave open")
         fit.solve()
-    progress(f"comparing with {CHECK}")
-    return fit.result(rig, chosen)
+    return _result(fit, rig, chosen)
 
 
-def check_something_moves(fit: "LeastSquares") -> None:
+def check_something_moves(fit: LeastSquares) -> None:
     """Raise InputError if no number of the crane is left to be fitted."""
     if not fit.unknowns:
         raise InputError(
-            f"nothing is identified: no reading tells any of {', '.join(fit.dropped)}",
+            f"nothing is identified: no reading tells any of {', '.join(u.name for u in fit.dropped)}",
             allowed="logs in which the axes move and the load swings",
             remedy="play the set-points of 'cranectl new experiment RIG', and record these runs",
         )
 
 
-class LeastSquares:
-    """The least-squares problem: numbers of the crane, then those of each run, all over their scales."""
+def estimates_of(fit: LeastSquares, between_runs: Array, of_encoders: Array) -> tuple[Estimate, ...]:
+    """Return the numbers with their intervals, given two covariances in scales (P, P).
 
-    def __init__(self, experiments: Sequence[Experiment], unknowns: Sequence[Unknown]) -> None:
-        self.experiments, self.unknowns = list(experiments), list(unknowns)
-        self.dropped: list[str] = []
-        self.common = np.array([u.start / u.scale for u in self.unknowns])
-        self.own = [np.zeros(len(e.own_scale)) for e in self.experiments]
-        self.misfit, self.done = np.inf, False
-        self.parts: list[tuple[Array, Array, Array]] = []
-
-    def values(self, common: Array) -> dict[str, float]:
-        return {u.name: float(z * u.scale) for u, z in zip(self.unknowns, common, strict=True)}
-
-    def residuals(self, k: int, common: Array, own: Array, plant: str = MODEL) -> Array:
-        experiment = self.experiments[k]
-        return experiment.residuals(self.values(common), own * experiment.own_scale, plant)
-
-    def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
-        """Return residuals of run k, and their derivatives by the common and by its own numbers."""
-        base = self.residuals(k, common, own)
-        shifts = FITTING_STEP * np.eye(len(common))
-        by_common = [(self.residuals(k, common + shift, own) - base) / FITTING_STEP for shift in shifts]
-        shifts = FITTING_STEP * np.eye(len(own))
-        by_own = [
-            self.experiments[k].offset_slope(j)
-            if self.experiments[k].is_offset(j)
-            else (self.residuals(k, common, own + shifts[j]) - base) / FITTING_STEP
-            for j in range(len(own))
-        ]
-        return base, np.array(by_common).reshape(len(common), -1).T, np.array(by_own).T
-
-    def drop_without_effect(self) -> None:
-        """Leave out the numbers that move no reading of these runs."""
-        self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
-        effect = np.sqrt(sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts))
-        self._keep(effect > MIN_EFFECT)
-
-    def drop_unidentifiable(self) -> bool:
-        """Leave out the numbers whose spread is too large; return whether there were any."""
-        wide = self.deviations > MAX_SPREAD
-        self._keep(~wide)
-        return bool(wide.any())
-
-    def _keep(self, kept: Mask) -> None:
-        self.dropped += [u.name for u, keep in zip(self.unknowns, kept, strict=True) if not keep]
-        self.unknowns = [u for u, keep in zip(self.unknowns, kept, strict=True) if keep]
-        self.common = self.common[kept]
-        self.parts = [(base, by_common[:, kept], by_own) for base, by_common, by_own in self.parts]
-
-    def solve(self) -> None:
-        """Find the numbers of least squares, and reduce the equations there."""
-        sizes = np.cumsum([len(self.common), *map(len, self.own)])
-
-        def split(z: Array) -> tuple[Array, list[Array]]:
-            common, *own = np.split(z, sizes[:-1])
-            return common, own
-
-        def residuals(z: Array) -> Array:
-            common, own = split(z)
-            return np.concatenate([self.residuals(k, common, o) for k, o in enumerate(own)])
-
-        def jacobian(z: Array) -> Array:
-            common, own = split(z)
-            parts = [self.jacobian(k, common, o) for k, o in enumerate(own)]
-            _, by_common, by_own = zip(*parts, strict=True)
-            return np.hstack([np.vstack(by_common), block_diag(*by_own)])
-
-        lows = [u.low / u.scale for u in self.unknowns]
-        low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
-        start = np.concatenate([np.maximum(self.common, low[: sizes[0]] + 1e-6), *self.own])
-        solution = least_squares(
-            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MAX_FIT_STEPS
-        )
-        self.common, self.own = split(solution.x)
-        self.done = bool(solution.success)
-        ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
-        self.parts = [
-            (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
-            for k, (base, whole) in enumerate(
-                zip(np.split(solution.fun, ends), np.split(solution.jac, ends), strict=True)
-            )
-        ]
-        self.reduce()
-
-    def reduce(self) -> None:
-        """Compute the normal equations of each run, misfit and deviations from the linearised equations."""
-        self.misfit = float(np.mean(np.square(np.concatenate([base for base, _, _ in self.parts]))))
-        self.normal = [reduced_equations(*part) for part in self.parts]
-        inverse = np.linalg.pinv(sum(matrix for matrix, _ in self.normal))
-        self.deviations = np.sqrt(np.diag(inverse).clip(min=0.0) * max(self.misfit, 1.0))
-        self.inverse = inverse
-
-    def jackknife(self) -> Array:
-        """Return the covariance of the numbers from leaving out each run once, in scales (P, P)."""
-        total, pull = (sum(part[k] for part in self.normal) for k in range(2))
-        moved = np.array(
-            [-np.linalg.pinv(total - matrix) @ (pull - gradient) for matrix, gradient in self.normal]
-        )
-        runs = len(self.normal)
-        centred = moved - moved.mean(axis=0)
-        covariance: Array = (runs - 1) / runs * centred.T @ centred
-        return covariance
-
-    def model_error(self) -> Array:
-        """Return by how much a fit to MuJoCo would differ, by one Gauss-Newton step, in scales (P,)."""
-        pulls = []
-        for k, (base, by_common, by_own) in enumerate(self.parts):
-            own = self.own[k]
-            pulls.append(
-                reduced_equations(self.residuals(k, self.common, own, CHECK) - base, by_common, by_own)[1]
-            )
-        moved: Array = -self.inverse @ sum(pulls)
-        return moved
-
-    def encoder_covariance(self) -> Array:
-        """Return the covariance of the numbers from drawn, rounded readings of encoders, in scales (P, P)."""
-        rng = np.random.default_rng(0)
-        pulls = np.zeros((len(self.unknowns), ENCODER_DRAWS))
-        for experiment, (_, by_common, by_own) in zip(self.experiments, self.parts, strict=True):
-            steps, noise = (values[experiment.channels] for values in encoders_of(experiment.rig))
-            readings = experiment.readings[experiment.rows][:, experiment.channels]
-            exact = readings + steps * rng.uniform(size=(ENCODER_DRAWS, 1, len(steps)))
-            drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps
-            errors = (drawn - exact) / experiment.noise[experiment.channels]
-            pulls += reduced_equations(errors.reshape(ENCODER_DRAWS, -1).T, by_common, by_own)[1]
-        moved = self.inverse @ pulls
-        covariance: Array = moved @ moved.T / ENCODER_DRAWS
-        return covariance
-
-    def estimates(self, between_runs: Array, of_encoders: Array) -> tuple[Estimate, ...]:
-        """Return the numbers with their intervals, given two covariances in scales (P, P)."""
-        shifts, estimates = self.model_error(), []
-        factor = float(student.ppf(0.975, len(self.experiments) - 1))
-        values = self.values(self.common)
-        for k, unknown in enumerate(self.unknowns):
-            spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (between_runs, of_encoders))
-            value, shift = values[unknown.name], abs(unknown.scale * shifts[k])
-            floor = unknown.floor + unknown.relative_floor * abs(value)
-            half = sqrt((factor * spread) ** 2 + (NORMAL * encoders) ** 2 + shift**2 + floor**2)
-            estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, encoders, shift))
-        return tuple(estimates)
-
-    def result(self, rig: RigParameters, replay: Replay) -> Identification:
-        between_runs, of_encoders = self.jackknife(), self.encoder_covariance()
-        values = self.values(self.common)
-        scales = np.array([unknown.scale for unknown in self.unknowns])
-        deviations = np.sqrt(np.diag(self.inverse))
-        correlation = self.inverse / np.outer(deviations, deviations)
-        pairs = [
-            (self.unknowns[i].name, self.unknowns[j].name, float(correlation[i, j]))
-            for i in range(len(scales))
-            for j in range(i)
-            if abs(correlation[i, j]) > STRONG_CORRELATION
-        ]
-        return Identification(
-            rig=rig_with(rig, values),
-            replay=replay,
-            estimates=self.estimates(between_runs, of_encoders),
-            unidentifiable=tuple(self.dropped),
-            correlated=tuple(pairs),
-            covariance=(between_runs + of_encoders) * np.outer(scales, scales),
-            misfit=self.misfit,
-            converged=self.done and self.misfit < MAX_MISFIT,
-            comparisons=tuple(
-                compare_readings(
-                    e, e.predicted(values, own * e.own_scale), reading_noise(rig, BLOCK_SAMPLES), values
-                )
-                for e, own in zip(self.experiments, self.own, strict=True)
-            ),
-        )
-
-
-def reduced_equations(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
-    """Return the normal equations of a run for the P common numbers, with its Q own numbers eliminated.
-
-    `base` (M,) or (M, D) are residuals in units of noise, of one or D sets of readings. `by_common` (M, P)
-    and `by_own` (M, Q) are their derivatives. The result is the matrix (P, P) and the negative right sides
-    (P,) or (P, D).
+    A misfit widens them: residuals that are larger than noise move the numbers more than noise does.
     """
-    own, _ = np.linalg.qr(by_own)
-    by_common = by_common - own @ (own.T @ by_common)
-    base = base - own @ (own.T @ base)
-    return by_common.T @ by_common, by_common.T @ base
+    estimates = []
+    factor = float(student.ppf(0.975, len(fit.experiments) - 1))
+    values, widening = fit.values(fit.common), max(fit.misfit, 1.0)
+    for k, unknown in enumerate(fit.unknowns):
+        spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (between_runs, of_encoders))
+        half = sqrt((factor * spread) ** 2 + widening * (NORMAL * encoders) ** 2)
+        estimates.append(Estimate(unknown.name, unknown.unit, values[unknown.name], half, spread, encoders))
+    return tuple(estimates)
+
+
+def _open_numbers(fit: LeastSquares) -> tuple[OpenNumber, ...]:
+    """Return the numbers that were left out, and how the others make up for them."""
+    numbers, scales = [], [unknown.scale for unknown in fit.unknowns]
+    for dropped in fit.dropped:
+        pull = np.zeros(len(fit.unknowns))
+        for (experiment, (base, by_common, by_own)), own in zip(fit.runs(), fit.own, strict=True):
+            assumed = assumed_value(experiment.rig, dropped.name)
+            values = fit.values(fit.common) | {dropped.name: assumed + FITTING_STEP * dropped.scale}
+            moved = experiment.residuals(values, own * experiment.own_scale)
+            pull += reduced_equations((moved - base) / FITTING_STEP, by_common, by_own)[1]
+        others = (-fit.inverse @ pull * scales).tolist()
+        compensation = {u.name: change for u, change in zip(fit.unknowns, others, strict=True)}
+        numbers.append(OpenNumber(dropped.name, dropped.scale, compensation))
+    return tuple(numbers)
+
+
+def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identification:
+    between_runs, of_encoders = fit.jackknife(), fit.encoder_covariance()
+    values = fit.values(fit.common)
+    scales = np.array([unknown.scale for unknown in fit.unknowns])
+    deviations = np.sqrt(np.diag(fit.inverse))
+    correlation = fit.inverse / np.outer(deviations, deviations)
+    pairs = [
+        (fit.unknowns[i].name, fit.unknowns[j].name, float(correlation[i, j]))
+        for i in range(len(scales))
+        for j in range(i)
+        if abs(correlation[i, j]) > STRONG_CORRELATION
+    ]
+    owns = [own * e.own_scale for e, own in zip(fit.experiments, fit.own, strict=True)]
+    fitted = [(e, e.predicted(values, own), own) for e, own in zip(fit.experiments, owns, strict=True)]
+    return Identification(
+        rig=rig_with(rig, values),
+        replay=replay,
+        estimates=estimates_of(fit, between_runs, of_encoders),
+        left_open=_open_numbers(fit),
+        correlated=tuple(pairs),
+        spread=fit.further_spread(between_runs, of_encoders) * np.outer(scales, scales),
+        known=of_encoders * np.outer(scales, scales),
+        misfits=fit.misfits(),
+        converged=fit.done,
+        comparisons=tuple(
+            compare_readings(e, readings, reading_noise(rig, e.block), values) for e, readings, _ in fitted
+        ),
+        loads=tuple(
+            load_difference(e, readings, own, values, band=np.zeros(len(readings)), noise=0.0)
+            for e, readings, own in fitted
+        ),
+    )

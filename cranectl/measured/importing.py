@@ -4,7 +4,7 @@ A run has samples at even times from 0 on. Positions and angles are interpolated
 hold their last value.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -35,6 +35,7 @@ from cranectl.measured.mapping import (
 )
 from cranectl.measured.plausibility import Finding, PhysicsVerdict, check_motion, check_physics
 from cranectl.measured.responses import Recording
+from cranectl.measured.suggestion import run_name
 from cranectl.measured.tables import read_head
 from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.load import load_rig, rig_place
@@ -61,8 +62,9 @@ class Imported:
 
 
 class LogSource(NamedTuple):
-    """Where a log is from."""
+    """Where a run is from."""
 
+    name: str  # of the run
     files: tuple[Path, ...]  # in the order of their numbers in the map
     heads: tuple[TableHead, ...] = ()  # of files that are read already
     sheet: str = ""  # of a workbook
@@ -103,7 +105,23 @@ def import_files(
     Raises InputError for files that cannot be read, columns that are missing, clocks that do not increase,
     gaps, jumps that the drives cannot make, and a mapping that contradicts physics.
     """
-    return import_logs({mapping.name: LogSource(tuple(files))}, mapping, directory=directory, rig=rig)[0]
+    source = LogSource(mapping.name, tuple(files))
+    return import_runs([source], mapping, directory=directory, rig=rig)[0]
+
+
+def each_source(files: Sequence[Path], mapping: MeasuredMap, sheets: str | None) -> list[LogSource]:
+    """Return the sources of runs in a file each, or in a sheet each that fits the pattern `sheets`.
+
+    Raises InputError for a map whose runs are in several files each.
+    """
+    if (most := max(signal.file for signal in mapping.signals.declared.values())) > 1:
+        raise InputError(
+            f"the map has signals of file {most}, and each file is a run by itself",
+            allowed="maps of one file",
+            remedy="make a log of the files of each run, and name the logs: cranectl log import FILE FILE "
+            "--map MAP --out RUN.mcap",
+        )
+    return [source for file in files for source in sources_of(file, sheets, mapping.layout)]
 
 
 def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[LogSource]:
@@ -112,10 +130,10 @@ def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[LogSou
     Names of columns then have no sheet. The variables of a MATLAB file count as sheets.
     """
     if sheets is None:
-        return [LogSource((path,))]
+        return [LogSource(run_name(path.stem), (path,))]
     head = read_head(path, layout)
     if not any("." in name for name in head.names):  # a workbook with one sheet
-        return [LogSource((path,), (head,))]
+        return [LogSource(run_name(path.stem), (path,), (head,))]
     places = [_split_sheet(name, sheets) for name in head.names]
     found = dict.fromkeys(sheet for sheet, _ in places if sheet is not None)
     if not found:
@@ -124,7 +142,10 @@ def sources_of(path: Path, sheets: str | None, layout: LayoutMap) -> list[LogSou
             allowed=", ".join(dict.fromkeys(name.partition(".")[0] for name in head.names)),
             remedy="correct the pattern of --sheets, in quotes: --sheets 'Run*'",
         )
-    return [LogSource((path,), (_sheet_head(head, places, sheet),), sheet) for sheet in found]
+    return [
+        LogSource(run_name(f"{path.stem}-{sheet}"), (path,), (_sheet_head(head, places, sheet),), sheet)
+        for sheet in found
+    ]
 
 
 def _split_sheet(name: str, pattern: str) -> tuple[str | None, str]:
@@ -147,24 +168,23 @@ def _sheet_head(head: TableHead, places: Sequence[tuple[str | None, str]], sheet
     )
 
 
-def import_logs(
-    logs: Mapping[str, LogSource], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
+def import_runs(
+    sources: Sequence[LogSource], mapping: MeasuredMap, *, directory: Path, rig: str | None = None
 ) -> list[Imported]:
-    """Return the runs of several logs of one map, by their names; physics judges all of them together.
+    """Return the runs of several sources of one map; physics judges all of them together, and then each.
 
-    Raises InputError as `import_files` does, and for a log that contradicts physics alone.
+    Raises InputError as `import_files` does, and for a run that contradicts physics alone.
     """
     parameters = load_rig(rig or rig_place(mapping.rig, directory))
     recorded = [
-        _record(source, mapping.model_copy(update={"name": name}), parameters)
-        for name, source in logs.items()
+        _record(source, mapping.model_copy(update={"name": source.name}), parameters) for source in sources
     ]
     recordings = [log.recording for log in recorded]
     whole = check_physics(recordings, mapping, parameters)
-    alone = [check_physics([r], mapping, parameters) for r in recordings] if len(logs) > 1 else [whole]
+    alone = [check_physics([r], mapping, parameters) for r in recordings] if len(sources) > 1 else [whole]
     for log, verdict in zip([None, *recorded], [whole, *alone], strict=True):
         if mapping.check_physics:
-            verdict.refuse(of="" if log is None or len(logs) == 1 else log.source.label)
+            verdict.refuse(of="" if log is None or len(sources) == 1 else log.source.label)
     for log in recorded:
         if log.impossible is not None:
             raise log.impossible

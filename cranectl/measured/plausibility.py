@@ -140,7 +140,9 @@ def check_physics(
             own = mapping.signals.declared[name].delay
             contradictions.append(f"{name} is {delay:.3g} s late")
             remedies.append(f"write signals.{name}.delay = {own + delay:.3g}")
-    return PhysicsVerdict(findings, tuple(contradictions), tuple(remedies), _useless(findings))
+    constants = {name for name, signal in mapping.signals.declared.items() if signal.column is None}
+    shown = tuple(finding for finding in findings if not {finding.signal, finding.cause} <= constants)
+    return PhysicsVerdict(shown, tuple(contradictions), tuple(remedies), _useless(findings))
 
 
 def _either(texts: Sequence[Sequence[str]]) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 
 from cranectl.measured.assembly import assemble_run
 from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
-from cranectl.measured.identification import MAX_READINGS, Estimate, LeastSquares
+from cranectl.measured.identification import MAX_READINGS, Estimate, estimates_of
+from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
 from cranectl.scenario import NANOSECONDS, nanoseconds
 from cranectl.scenario.rig import RigParameters
@@ -84,7 +85,8 @@ def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: floa
 
     still = np.tile([*start, 0.0, 0.0], (len(speeds), 1))
     values = {unknown.name: unknown.start for unknown in unknowns_of(rig, "commands")}
-    readings = Experiment(run_with(still), rig, "commands", 1).predicted(values, np.zeros(len(CHANNELS)))
+    experiment = Experiment(run_with(still), rig, "commands", 1)
+    readings = experiment.predicted(values, np.zeros(len(experiment.own_scale)))
     return run_with(np.nan_to_num(readings, nan=0.5 * pi))  # of a load that swings too far
 
 
@@ -139,9 +141,9 @@ def predict_estimates(
     fit.reduce()
     while fit.drop_unidentifiable():
         fit.reduce()
-    estimates = fit.estimates(np.zeros_like(fit.inverse), fit.encoder_covariance())
+    estimates = estimates_of(fit, np.zeros_like(fit.inverse), fit.encoder_covariance())
     wide = [e.name for e, u in zip(estimates, fit.unknowns, strict=True) if e.half_width > u.scale]
-    return estimates, (*fit.dropped, *wide)
+    return estimates, (*(dropped.name for dropped in fit.dropped), *wide)
 
 
 def set_points_text(run: Run) -> str:

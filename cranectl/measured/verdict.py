@@ -1,40 +1,43 @@
 """Judge whether a model covers a measured crane: predict runs that were not used to identify it.
 
-Nothing is fitted to a judged run. Its statistic is the largest difference between reading and prediction over
-all channels and times, in units of the standard deviation that the identified numbers, the noise and the
-resting place leave open. The same statistic of DRAWS cranes, drawn from what the identification leaves
-open, tells how often such a difference occurs without any error of the model. This is the comparison error
-against the validation uncertainty of ASME V&V 20, at all times of a run at once.
+The statistic of a run is the largest difference between reading and prediction over all channels and times,
+in units of the standard deviation that the identified numbers, the noise and the start of the run leave
+open. The same statistic of cranes that are drawn from what the identification leaves open tells how often
+such a difference occurs without any error of the model. This is the comparison error against the validation
+uncertainty of ASME V&V 20, at all times of a run at once. A tolerance is compared with the load's position.
 """
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import ceil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison, block_means, compare_readings
-from cranectl.measured.experiment import Experiment, encoders_of, reading_noise, rig_with
-from cranectl.measured.identification import Identification
-from cranectl.measured.identity import readings_digest
-from cranectl.measured.replay import Replay
-from cranectl.scenario.load import load_rig
-from cranectl.scenario.rig import RigParameters
+from cranectl.measured.comparison import (
+    LoadDifference,
+    ReadingsComparison,
+    block_means,
+    compare_readings,
+    load_difference,
+)
+from cranectl.measured.experiment import MIN_SAMPLES_IN_SWING, Experiment, assumed_value
+from cranectl.measured.fit import Fit
+from cranectl.measured.identity import overlap, trace_of
+from cranectl.measured.uncertainty import UncertainPrediction, predict_with_errors
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.support.documents import parse_json
 from cranectl.support.errors import InputError
+from cranectl.support.units import quantity
 
-DRAWS = 400  # cranes that are drawn for up to RUNS_PER_DRAWS runs, and again as many for each more
-RUNS_PER_DRAWS = 10
+ENOUGH_LARGER = 20  # draws with a larger statistic, from which their share is known well enough
 SEED = 0  # of the draws
 FALSE_ALARMS = 0.05  # probability that a model without error is called not covered, of all runs together
 BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
-FIT_ENDING = "-fit.json"
+MIN_TESTED_MOTION = 5.0  # times its band, by which a channel must move to be tested
+SURE_DEVIATIONS = 3.0  # standard deviations from which a swing at the start is no noise
+MIN_JUDGED_SAMPLES = 10  # of a run that is judged
+MIN_OPEN_EFFECT = 5.0  # standard deviations by which a number that was never identified may move readings
 
 COVERED = "covered"
 WITHIN_TOLERANCE = "not covered, but within your tolerance"
@@ -43,32 +46,20 @@ NOT_DECIDED = "not decided"
 
 
 @dataclass(frozen=True)
-class Fit:
-    """What a verdict needs of an identification."""
-
-    rig: RigParameters
-    replay: Replay
-    values: Mapping[str, float]
-    covariance: Array  # (P, P)
-    runs: int
-    converged: bool
-    used: frozenset[str]  # `readings_digest` of the runs to which it was fitted
-
-    @property
-    def deviations(self) -> Array:
-        """Standard deviations of the numbers (P,)."""
-        deviations: Array = np.sqrt(np.diag(self.covariance).clip(min=0.0))
-        return deviations
-
-
-@dataclass(frozen=True)
 class RunVerdict:
-    """The answer for one run, and where the largest difference is."""
+    """The answer for one run, and where the largest differences are."""
 
     name: str
     answer: str
+    reason: str  # why it is not decided, else empty
+    is_covered: bool  # whether a model without error explains the run
     probability: float  # that a model without error has a statistic as large
+    limit: float  # statistic that a model without error exceeds with the allowed probability
     comparison: ReadingsComparison
+    load: LoadDifference
+    swing: float  # amplitude of the load's swing at the start [rad], 0 if it may hang still
+    tested: tuple[str, ...]  # channels whose predicted motion is several times its band
+    widest_by: str  # what adds most to the band
 
     @property
     def statistic(self) -> float:
@@ -87,72 +78,54 @@ class RunVerdict:
         return self.comparison.channels[self.worst[1]]
 
     @property
-    def time(self) -> float:
-        """Time of the statistic [s]."""
-        return float(self.comparison.time[self.worst[0]])
+    def left_at(self) -> float | None:
+        """Time at which a difference first exceeds what the model allows [s], or None."""
+        outside = (self.comparison.ratio > self.limit).any(axis=1)
+        return float(self.comparison.time[int(np.argmax(outside))]) if outside.any() else None
+
+    @property
+    def largest(self) -> float:
+        """Largest distance between measured and predicted load [m]."""
+        return float(self.load.distance[self.load.largest])
+
+    @property
+    def largest_at(self) -> float:
+        """Time of the largest distance [s]."""
+        return float(self.load.time[self.load.largest])
 
     @property
     def band(self) -> float:
-        """Widest half of the band around the prediction [m]."""
-        return float(np.nanmax(BAND_DEVIATIONS * self.comparison.deviation))
+        """Widest band around the predicted load [m]."""
+        return float(self.load.band.max())
+
+    @property
+    def met_tolerance(self) -> float:
+        """Smallest tolerance that this run meets [m]."""
+        return smallest_tolerance(self.load, self.comparison.block)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data."""
+        """Return plain data; a prediction that ended early has no largest difference."""
+        numbers = {
+            "largest_m": self.largest,
+            "difference_m": float(self.comparison.difference[self.worst]),
+            "met_tolerance_m": self.met_tolerance,
+            "statistic": self.statistic,
+        }
         return {
             "name": self.name,
             "answer": self.answer,
+            "reason": self.reason,
             "probability": self.probability,
-            "statistic": self.statistic,
+            "limit": self.limit,
             "channel": self.channel,
-            "time_s": self.time,
-            "difference_m": float(self.comparison.difference[self.worst]),
-            "largest_m": self.comparison.largest,
+            "time_s": float(self.comparison.time[self.worst[0]]),
+            "left_band_s": self.left_at,
+            "largest_s": self.largest_at,
             "band_m": self.band,
-        }
-
-
-def fit_text(result: Identification, runs: Sequence[Run]) -> str:
-    """Return the file that keeps an identification for verdicts."""
-    kept = {
-        "replay": result.replay,
-        "values": {estimate.name: estimate.value for estimate in result.estimates},
-        "covariance": result.covariance.tolist(),
-        "runs": result.runs,
-        "converged": result.converged,
-        "misfit": result.misfit,
-        "used_readings": sorted(map(readings_digest, runs)),
-    }
-    return json.dumps(kept, indent=1) + "\n"
-
-
-def fit_path(rig: Path) -> Path:
-    """Return the file of the identification that belongs to a rig file."""
-    return rig.with_name(rig.stem + FIT_ENDING)
-
-
-def read_fit(rig: Path) -> Fit:
-    """Return the identification of the rig in the file `rig`; raise InputError if there is none."""
-    path = fit_path(rig)
-    try:
-        kept = parse_json(path.read_text(encoding="utf-8"), str(path))
-        values, covariance = dict(kept["values"]), np.array(kept["covariance"], dtype=np.float64)
-        if covariance.shape != (len(values),) * 2:
-            raise ValueError("covariance of another size")
-        return Fit(
-            rig=rig_with(load_rig(rig), values),
-            replay=kept["replay"],
-            values=values,
-            covariance=covariance,
-            runs=int(kept["runs"]),
-            converged=bool(kept["converged"]),
-            used=frozenset(kept["used_readings"]),
-        )
-    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        raise InputError(
-            f"cannot read {path}, what is known of how exact {rig} is: {error}",
-            allowed="a rig of `cranectl identify`, with the files beside it",
-            remedy=f"identify the crane again, with --out {rig}",
-        ) from None
+            "noise_m": self.load.noise,
+            "swing_at_start_rad": self.swing,
+            "tested": list(self.tested),
+        } | {name: value if np.isfinite(value) else None for name, value in numbers.items()}
 
 
 def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) -> tuple[RunVerdict, ...]:
@@ -161,91 +134,173 @@ def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) 
     `tolerance` is the largest difference that its user accepts [m]. Raises InputError for a run whose
     readings were used to identify the crane, whatever its file is called and however it was imported.
     """
-    if used := [name for name, run in runs.items() if readings_digest(run) in fit.used]:
-        raise InputError(
-            f"{', '.join(used)} was used to identify the crane",
-            allowed="runs that were not used",
-            remedy="record further runs, or identify from the others and judge these",
-        )
+    for name, run in runs.items():
+        trace = trace_of(run)
+        for number, used in enumerate(fit.used, 1):
+            if (common := overlap(trace, used)).seconds > 0.0:
+                raise InputError(
+                    f"{common.seconds:.3g} s of {name} were used to identify the crane (log {number})",
+                    allowed="runs that were not used",
+                    remedy="record further runs, or identify from the others and judge these",
+                )
     return tuple(_judge_run(name, run, fit, len(runs), tolerance) for name, run in runs.items())
 
 
 def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | None) -> RunVerdict:
     experiment = Experiment(run, fit.rig, fit.replay, len(run.time_ns))
-    if len(run.time_ns) < BLOCK_SAMPLES:
+    if len(run.time_ns) < MIN_JUDGED_SAMPLES:
         raise InputError(
             f"{name} has {len(run.time_ns)} samples",
-            allowed=f"at least {BLOCK_SAMPLES}, whose means are compared",
+            allowed=f"at least {MIN_JUDGED_SAMPLES}",
             remedy="record a longer run",
         )
     if not experiment.at_rest:
         raise InputError(
             f"{name} begins in motion: {experiment.motion}",
-            allowed="runs that begin with axes and load at rest, from where the prediction starts",
+            allowed="runs that begin with axes at rest, from where the prediction starts",
             remedy="import a part that begins at rest, by from in its map",
         )
-    rest, rest_deviations = _resting_place(experiment)
-    predicted = experiment.predicted(fit.values, rest)
-    changes = [
-        experiment.predicted({**fit.values, number: value + deviation}, rest) - predicted
-        for (number, value), deviation in zip(fit.values.items(), fit.deviations, strict=True)
-    ]
-    changes += [
-        experiment.predicted(fit.values, rest + change) - predicted for change in np.diag(rest_deviations)
-    ]
-    deviations = np.concatenate([fit.deviations, rest_deviations])
-    slopes = np.array(changes) / deviations[:, None, None]  # (P, N, 5)
-    covariance = block_diag(fit.covariance, np.diag(rest_deviations**2))
-    mean_slopes = np.array([block_means(slope) for slope in slopes])  # (P, B, 5)
-    variance = np.einsum("pbc,pq,qbc->bc", mean_slopes, covariance, mean_slopes)
-    variance += reading_noise(fit.rig, BLOCK_SAMPLES) ** 2
-    draws = DRAWS * ceil(judged / RUNS_PER_DRAWS)
-    drawn = _drawn_differences(predicted, slopes, rest_deviations, fit, draws)[:, :, experiment.channels]
-    comparison = compare_readings(experiment, predicted, np.sqrt(variance), fit.values)
-    statistics = np.abs(drawn / np.sqrt(variance)[:, experiment.channels]).max(axis=(1, 2))
-    probability = float(1 + np.sum(statistics >= comparison.ratio.max())) / (1 + draws)
-    answer = _answer(comparison, probability >= FALSE_ALARMS / judged, fit.converged, tolerance)
-    return RunVerdict(name, answer, probability, comparison)
+    prediction = predict_with_errors(experiment, fit.values, fit.errors)
+    comparison = compare_readings(
+        experiment, prediction.readings, _all_channels(experiment, prediction), fit.values
+    )
+    load = load_difference(
+        experiment,
+        prediction.readings,
+        prediction.own,
+        fit.values,
+        band=BAND_DEVIATIONS * prediction.load_deviation,
+        noise=prediction.load_noise,
+    )
+    allowed = FALSE_ALARMS / judged
+    probability, limit = _probability(prediction, float(comparison.ratio.max()), fit.runs - 1, allowed)
+    swing = _swing_at_start(experiment, prediction)
+    tested = _tested_channels(comparison)
+    verdict = RunVerdict(
+        name=name,
+        answer=NOT_DECIDED,
+        reason=_undecidable(experiment, prediction, fit),
+        is_covered=probability >= allowed,
+        probability=probability,
+        limit=limit,
+        comparison=comparison,
+        load=load,
+        swing=swing,
+        tested=tested,
+        widest_by=prediction.widest_by,
+    )
+    if verdict.reason:
+        return verdict
+    answer, reason = answer_for(verdict, tolerance)
+    return replace(verdict, answer=answer, reason=reason)
 
 
-def _answer(
-    comparison: ReadingsComparison, is_covered: bool, converged: bool, tolerance: float | None
-) -> str:
-    bands = BAND_DEVIATIONS * comparison.deviation
-    if not converged or (is_covered and tolerance is not None and float(bands.max()) > tolerance):
-        return NOT_DECIDED
-    if is_covered:
-        return COVERED
-    within = tolerance is not None and float((np.abs(comparison.difference) + bands).max()) <= tolerance
-    return WITHIN_TOLERANCE if within else NOT_COVERED
+def _undecidable(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> str:
+    """Return why no run, or not this one, can be judged, or an empty text."""
+    if not fit.converged:
+        return "the optimiser that fitted the crane did not finish"
+    if experiment.samples_in_swing < MIN_SAMPLES_IN_SWING:
+        return (
+            f"the log is too slow: {experiment.samples_in_swing:.3g} samples in the shortest swing, and "
+            f"{MIN_SAMPLES_IN_SWING:g} show one"
+        )
+    if names := _never_identified(experiment, prediction, fit):
+        return f"this run needs numbers that were never identified: {', '.join(names)}"
+    return ""
 
 
-def _resting_place(experiment: Experiment) -> tuple[Array, Array]:
-    """Return where the compared channels (C,) rest before the axes move, and standard deviations."""
-    still, rig = experiment.still_samples(), experiment.rig
-    readings = experiment.readings[:still].mean(axis=0)
-    rest = np.concatenate([readings[:3] - experiment.readings[0, :3], readings[3:]])
-    deviation = reading_noise(rig, min(still, BLOCK_SAMPLES))
-    # A pivot that sticks holds the rope anywhere within the angle at which its friction carries the weight.
-    stuck = rig.effects.friction.pivot_coulomb / (rig.load_mass * rig.gravity * readings[2])
-    deviation[3:] = np.hypot(deviation[3:], stuck / np.sqrt(3.0))
-    return rest[experiment.channels], deviation[experiment.channels]
+def _never_identified(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> list[str]:
+    """Return the names of numbers that were not identified, and move the readings of this run."""
+    names, deviation, shown = [], prediction.deviation, experiment.channels
+    for number in fit.left_open:
+        values = {**fit.values, number.name: assumed_value(fit.rig, number.name) + number.scale}
+        for other, change in number.compensation.items():
+            values[other] += change
+        moved = experiment.predicted(values, prediction.own) - prediction.readings
+        effect = np.abs(block_means(np.nan_to_num(moved, nan=np.inf), experiment.block)[:, shown]) / deviation
+        if float(effect.max()) > MIN_OPEN_EFFECT:
+            names.append(number.name)
+    return names
 
 
-def _drawn_differences(
-    predicted: Array, slopes: Array, rest_deviations: Array, fit: Fit, draws: int
-) -> Array:
-    """Return measured minus predicted (draws, B, 5) of cranes that the identification leaves open."""
-    rng, freedom = np.random.default_rng(SEED), fit.runs - 1
-    steps, noise = encoders_of(fit.rig)
-    values, vectors = np.linalg.eigh(fit.covariance)
-    root = vectors * np.sqrt(values.clip(min=0.0))
-    differences = []
-    for _ in range(draws):
-        spread = np.sqrt(freedom / rng.chisquare(freedom))
-        errors = spread * root @ rng.standard_normal(len(root))
-        rest_errors = rest_deviations * rng.standard_normal(len(rest_deviations))
-        readings = predicted + np.tensordot(np.concatenate([errors, rest_errors]), slopes, axes=1)
-        readings += noise * rng.standard_normal(predicted.shape)
-        differences.append(block_means(np.round(readings / steps) * steps - predicted))
-    return np.array(differences)
+def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
+    """Return the answer for a run that can be decided, and the reason if the tolerance prevents it."""
+    is_covered = verdict.is_covered
+    if is_covered and not verdict.tested:
+        return NOT_DECIDED, "nothing moved, so nothing was tested"
+    if tolerance is None:
+        return (COVERED if is_covered else NOT_COVERED), ""
+    band = quantity(verdict.band, "m")
+    if is_covered and verdict.band <= tolerance:
+        return COVERED, ""
+    if not is_covered and verdict.met_tolerance <= tolerance:
+        return WITHIN_TOLERANCE, ""
+    if is_covered or verdict.largest <= tolerance:
+        needed = quantity(verdict.met_tolerance, "m")
+        size = quantity(verdict.largest, "m")
+        why = f"the band of ± {band} is wider than your tolerance"
+        if verdict.band <= tolerance:
+            why = f"the difference of {size} and the band of ± {band} together exceed your tolerance"
+        return NOT_DECIDED, f"{why}; {needed} would be met"
+    return NOT_COVERED, ""
+
+
+def smallest_tolerance(load: LoadDifference, block: int) -> float:
+    """Return the tolerance [m] within which a run surely is.
+
+    At each sample it contains the distance, less what the readings' noise explains, and the band. The mean
+    distance over a block, from which noise has gone, and the band lie within it too.
+    """
+    single = float((load.distance + load.band).max()) - load.noise
+    means = block_means(load.measured - load.predicted, block)
+    bands = block_means(load.band[:, None], block)[:, 0]
+    return max(single, float(np.nan_to_num(np.linalg.norm(means, axis=1) + bands, nan=np.inf).max()))
+
+
+def _all_channels(experiment: Experiment, prediction: UncertainPrediction) -> Array:
+    """Return the standard deviations of means with columns for all five channels (B, 5)."""
+    deviation = np.ones((len(prediction.deviation), 5))
+    deviation[:, experiment.channels] = prediction.deviation
+    return deviation
+
+
+def _swing_at_start(experiment: Experiment, prediction: UncertainPrediction) -> float:
+    """Return the amplitude of a swing that the readings show at the start [rad], else 0."""
+    swing, deviations = (v[experiment.compared :] for v in (prediction.own, prediction.own_deviations))
+    if (np.abs(swing) <= SURE_DEVIATIONS * deviations).all():
+        return 0.0
+    return float(np.hypot(swing[0::2], swing[1::2] / experiment.frequency).max())
+
+
+def _tested_channels(comparison: ReadingsComparison) -> tuple[str, ...]:
+    """Return the channels whose predicted motion is several times its band."""
+    motion = np.nanmax(comparison.predicted, axis=0) - np.nanmin(comparison.predicted, axis=0)
+    band = BAND_DEVIATIONS * np.nanmax(comparison.deviation, axis=0)
+    return tuple(
+        name
+        for name, moves in zip(comparison.channels, motion > MIN_TESTED_MOTION * band, strict=True)
+        if moves
+    )
+
+
+def _probability(
+    prediction: UncertainPrediction, statistic: float, freedom: int, allowed: float
+) -> tuple[float, float]:
+    """Return how often cranes without an error of the model have a larger statistic, and its allowed limit.
+
+    The errors of numbers that are known from few runs have a t-distribution with `freedom` degrees. Draws
+    end when enough of them are larger, or when they are enough for the probability `allowed`.
+    """
+    rng, draws = np.random.default_rng(SEED), ceil(ENOUGH_LARGER / allowed)
+    modes, deviation = prediction.modes, prediction.deviation
+    first_spread = len(modes) - prediction.spread_modes
+    drawn: list[float] = []
+    while len(drawn) < draws and sum(value >= statistic for value in drawn) < ENOUGH_LARGER:
+        size = len(prediction.noise)
+        errors = rng.standard_normal((size, len(modes)))
+        errors[:, first_spread:] *= np.sqrt(freedom / rng.chisquare(freedom, size))[:, None]
+        for error, noise in zip(errors, prediction.noise, strict=True):
+            difference = np.tensordot(error, modes, axes=1) + noise
+            drawn.append(float(np.max(np.abs(difference) / deviation)))
+    larger = sum(value >= statistic for value in drawn)
+    return (1 + larger) / (1 + len(drawn)), float(np.quantile(drawn, 1.0 - allowed))

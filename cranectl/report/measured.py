@@ -5,9 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.measured.comparison import BLOCK_SAMPLES, ReadingsComparison
-from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, CHECK, MODEL
+from cranectl.measured.comparison import ReadingsComparison
+from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.measured.identification import MAX_MISFIT, Estimate, Identification
+from cranectl.measured.uncertainty import START
 from cranectl.measured.verdict import (
     BAND_DEVIATIONS,
     COVERED,
@@ -23,7 +24,8 @@ from cranectl.report.theme import SERIES, STAND_IN, TIME, WIDTH, canvas, make_ro
 from cranectl.support.units import quantity
 
 MARKS = {COVERED: "good", WITHIN_TOLERANCE: "open", NOT_DECIDED: "open", NOT_COVERED: "bad"}  # worst last
-MILLIMETRES = 1e3
+MILLIMETRES = MILLIRADIANS = 1e3
+MIN_MISFIT = 0.25  # below which the stated noise hides errors
 CHANNEL_LABELS = {
     "bridge_position": "bridge",
     "trolley_position": "trolley",
@@ -49,7 +51,6 @@ def estimates_table(estimates: Sequence[Estimate], title: str, note: str = "") -
         "± (95 %)": lambda e: f"{e.half_width:.2g}",
         "spread of runs": lambda e: f"{e.spread:.2g}",
         "encoders": lambda e: f"{e.encoders:.2g}",
-        "to MuJoCo": lambda e: f"{e.model_error:.2g}",
     }
     return tabulate(title, estimates, columns, labels=2, note=note)
 
@@ -57,12 +58,28 @@ def estimates_table(estimates: Sequence[Estimate], title: str, note: str = "") -
 def identified_table(result: Identification) -> Table:
     """Return the fitted numbers, and how well the model repeats the runs."""
     title = f"Identified from the {result.replay} of {result.runs} runs"
-    note = f"Residuals over noise, squared: {result.misfit:.3g}"
-    return estimates_table(result.estimates, title, note)
+    return estimates_table(result.estimates, title, _misfit_note(result))
 
 
-def remarks(result: Identification) -> list[str]:
-    """Return in words what the runs leave open, and whether the model fits them."""
+def _misfit_note(result: Identification) -> str:
+    """Return the largest distance at the load, and the misfit of each channel."""
+    largest = quantity(max(_largest_residuals(result)), "m")
+    misfits = ", ".join(f"{name} {misfit:.2g}" for name, misfit in result.misfits.items())
+    return f"Largest difference at the load: {largest}. Misfit (1 for noise alone): {misfits}"
+
+
+def _largest_residuals(result: Identification) -> list[float]:
+    """Return the largest distance between measured and fitted load of each run [m]."""
+    return [float(load.distance[load.largest]) for load in result.loads]
+
+
+def has_misfit(result: Identification) -> bool:
+    """Return True if the model misses readings by more than their noise."""
+    return result.misfit > MAX_MISFIT
+
+
+def remarks(result: Identification, names: Sequence[str] = ()) -> list[str]:
+    """Return in words what the runs of these names leave open, and whether the model fits them."""
     sentences = []
     if result.unidentifiable:
         sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
@@ -81,34 +98,61 @@ def remarks(result: Identification) -> list[str]:
         wrong = f"{MILLIMETRES * abs(rope.value):.3g} mm too {'long' if rope.value > 0.0 else 'short'}"
         advice = f"add {rope.value:.4g} to the zero of rope_length in the map"
         sentences.append(f"the rope is read {wrong}: {advice}")
-    if result.converged and (lasting := max(c.misfit for c in result.comparisons)) > MAX_MISFIT:
+    if has_misfit(result):
+        sentences.append(_misfit_sentence(result, names))
+    elif (lasting := max(c.misfit for c in result.comparisons)) > MAX_MISFIT:
         sentences.append(
-            f"residuals last: as means over {BLOCK_SAMPLES} samples they are up to {lasting:.3g} times the "
+            f"residuals last: their means over a twentieth of a swing are up to {lasting:.3g} times the "
             "squared noise of such means. If readings drift, as of a camera, intervals are too narrow"
         )
+    for name, misfit in result.misfits.items():
+        if 0.0 < misfit < MIN_MISFIT:
+            sentences.append(
+                f"the noise of {name} is overstated: its residuals are {misfit:.2g} times the squared noise "
+                "of the rig. State less in effects.sensing, or errors hide in it"
+            )
     if not result.converged:
-        sentences.append(
-            f"NOT CONVERGED: the residuals are {result.misfit:.3g} times the squared noise of the readings, "
-            f"and {MAX_MISFIT:g} is allowed. The crane does something that the model does not."
-        )
+        sentences.append("NOT CONVERGED: the optimiser did not finish, so the numbers mean little")
     return sentences
+
+
+def _misfit_sentence(result: Identification, names: Sequence[str]) -> str:
+    """Return by how much the model misses the readings, where and when."""
+    largest = _largest_residuals(result)
+    run = int(np.argmax(largest))
+    load = result.loads[run]
+    channel = max(result.misfits, key=lambda name: result.misfits[name])
+    name = names[run] if names else f"run {run + 1}"
+    return (
+        f"MISFIT: up to {quantity(largest[run], 'm')} at the load, in {name} at "
+        f"{load.time[load.largest]:.2f} s. "
+        f"The crane does something that the model does not: residuals of {channel} are "
+        f"{result.misfits[channel]:.3g} times the squared noise of its readings. "
+        "`cranectl validate` tells whether the model is good enough"
+    )
+
+
+def _fit_badge(result: Identification) -> tuple[Cell, str]:
+    """Return in a word and in a sentence how well the model repeats the runs."""
+    if not result.converged:
+        return Cell("NOT CONVERGED", "bad"), "The optimiser did not finish, so the numbers mean little."
+    if has_misfit(result):
+        return Cell("MISFIT", "open"), "The model misses readings by more than their noise."
+    return Cell("fitted", "good"), "The residuals are as large as the stated noise of the readings."
 
 
 def identification_page(result: Identification, names: Sequence[str], remade_by: str) -> Page:
     """Return the page of an identification from the logs of these names."""
-    badge = Cell("NOT CONVERGED", "bad")
-    reason = "The model does not repeat the fitted runs, so its numbers mean little."
-    if result.converged:
-        badge = Cell("fitted", "good")
-        reason = "The residuals are as large as the stated noise of the readings."
-    largest = max(comparison.largest for comparison in result.comparisons)
+    badge, reason = _fit_badge(result)
+    largest = max(_largest_residuals(result))
+    worst = max(result.misfits, key=lambda name: result.misfits[name])
     facts = (
         Fact("Runs", str(result.runs), f"{result.replay} repeated on the plant {MODEL}"),
         Fact("Numbers", str(len(result.estimates)), f"{len(result.unidentifiable)} more are left open"),
-        Fact("Residuals over noise, squared", f"{result.misfit:.3g}", f"allowed: {MAX_MISFIT:g}"),
-        Fact("Largest residual", quantity(largest, "m"), "as means over 25 samples"),
+        Fact("Largest difference", quantity(largest, "m"), "between measured and fitted load"),
+        Fact("Misfit", f"{result.misfit:.3g}", f"of {worst}; 1 for noise alone"),
     )
-    texts = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result))
+    texts = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result, names))
     intervals = Figure.drawn("Intervals", INTERVALS_CAPTION, _intervals_figure, result, alone=True)
     numbers = Section("numbers", "Numbers", texts, (identified_table(result),), (intervals,))
     residuals = [
@@ -116,23 +160,27 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
         for name, comparison in zip(names, result.comparisons, strict=True)
     ]
     sections = (numbers, Section("residuals", "Residuals", figures=tuple(residuals)))
-    lead = f"Fitted to {', '.join(names)}. Intervals: spread between runs, and a comparison with {CHECK}."
+    lead = f"Fitted to {', '.join(names)}. Intervals: spread between runs, noise and steps of encoders."
     return Page("Identified crane", lead, sections, remade_by, FirstScreen(badge, reason, facts))
 
 
 def verdict_table(verdicts: Sequence[RunVerdict]) -> Table:
-    """Return the answers, and where each run differs most clearly."""
+    """Return the answers, the largest difference of each load, and where a run differs most clearly."""
     columns: dict[str, Callable[[RunVerdict], Cell | str]] = {
         "log": lambda v: v.name,
         "answer": lambda v: Cell(v.answer, MARKS[v.answer]),
-        "largest [mm]": lambda v: f"{MILLIMETRES * v.comparison.largest:.2f}",
+        "largest [mm]": lambda v: f"{MILLIMETRES * v.largest:.2f}",
+        "at [s]": lambda v: f"{v.largest_at:.2f}",
         "band ± [mm]": lambda v: f"{MILLIMETRES * v.band:.2f}",
+        "noise [mm]": lambda v: f"{MILLIMETRES * v.load.noise:.2f}",
         "clearest in": lambda v: v.channel,
-        "at [s]": lambda v: f"{v.time:.2f}",
         "times its σ": lambda v: f"{v.statistic:.1f}",
         "p": lambda v: f"{v.probability:.3f}",
     }
-    return tabulate("Measured minus predicted, runs that were not used", verdicts, columns, labels=2)
+    note = "Largest, band and noise are of the load's position, at single samples"
+    return tabulate(
+        "Measured minus predicted, runs that were not used", verdicts, columns, labels=2, note=note
+    )
 
 
 def verdict_sentence(verdicts: Sequence[RunVerdict]) -> str:
@@ -146,42 +194,78 @@ def verdict_sentence(verdicts: Sequence[RunVerdict]) -> str:
     return f"All runs are covered: so are at least {100 * share:.0f} % of such motions, at 95 %. {errs}"
 
 
-def fault_of(verdict: RunVerdict) -> str:
-    """Return in a sentence why a run is not covered, or not decided."""
+def explanation(verdict: RunVerdict, tolerance: float | None) -> str:
+    """Return in a sentence why a run has its answer: where and when it differs, and by how much."""
+    largest, at = quantity(verdict.largest, "m"), f"{verdict.largest_at:.2f} s"
     if verdict.answer == NOT_DECIDED:
-        band = quantity(verdict.band, "m")
-        return f"not decided: the band of ± {band} is wider than the tolerance, or the fit did not converge"
-    block, channel = verdict.worst
-    size = quantity(abs(float(verdict.comparison.difference[block, channel])), "m")
-    largest = quantity(verdict.comparison.largest, "m")
-    return (
-        f"{verdict.answer}: at {verdict.time:.2f} s {verdict.channel} differs by {size}, "
-        f"{verdict.statistic:.1f} standard deviations; the largest difference is {largest}"
-    )
+        return f"{verdict.answer}: {verdict.reason}{_shrinking_advice(verdict)}"
+    if not np.isfinite(verdict.largest):
+        ended = float(verdict.load.time[int(np.argmax(~np.isfinite(verdict.load.distance)))])
+        return f"{verdict.answer}: the prediction ended at {ended:.2f} s, where its load left the model"
+    where = f"the load is at most {largest} off, at {at}"
+    if verdict.answer == COVERED:
+        return f"{verdict.answer}: {where}, and numbers, start and noise explain it"
+    left = f"{verdict.channel} differs most clearly, {verdict.statistic:.1f} standard deviations"
+    if verdict.left_at is not None:
+        left += f"; the first difference beyond the model is at {verdict.left_at:.2f} s"
+    sentence = f"{verdict.answer}: {where}; {left}"
+    if verdict.answer == NOT_COVERED and tolerance is None:
+        sentence += f". A tolerance of {_rounded_up(verdict.met_tolerance)} would be met"
+    return sentence
+
+
+def asides(verdict: RunVerdict) -> list[str]:
+    """Return what else is to be known of a judged run: a load that swings at the start, untested channels."""
+    sentences = []
+    if verdict.swing:
+        sentences.append(f"its load swings by {MILLIRADIANS * verdict.swing:.2g} mrad at the start")
+    untested = [name for name in verdict.comparison.channels if name not in verdict.tested]
+    if untested and verdict.tested:
+        sentences.append(f"it does not test {', '.join(untested)}, which hardly move")
+    return sentences
+
+
+def _rounded_up(size: float) -> str:
+    """Return a size [m] as a tolerance that the command line takes and that is not smaller."""
+    return f"{np.ceil(10.0 * MILLIMETRES * size) / 10.0:.1f}mm"
+
+
+def _shrinking_advice(verdict: RunVerdict) -> str:
+    """Return which runs would narrow the band, where it is too wide."""
+    if "band" not in verdict.reason:
+        return ""
+    if verdict.widest_by == START:
+        return ". The start adds most to the band: let the load hang still longer before it moves"
+    axis = next((axis for axis in AXES if axis in verdict.widest_by), "")
+    if verdict.widest_by.rpartition(".")[2].isdigit():
+        axis = AXES[int(verdict.widest_by.rpartition(".")[2])]
+    runs = f"in which the {axis} starts and stops often" if axis else "in which the load swings more"
+    return f". {verdict.widest_by} adds most to the band: identify with further runs {runs}"
 
 
 def verdict_page(verdicts: Sequence[RunVerdict], tolerance: float | None, remade_by: str) -> Page:
     """Return the page of verdicts on measured runs, with `tolerance` [m] if one is accepted."""
     worst = max(verdicts, key=lambda verdict: [*MARKS].index(verdict.answer))
-    farthest = max(verdicts, key=lambda verdict: verdict.comparison.largest)
+    farthest = max(verdicts, key=lambda verdict: verdict.largest)
     covered = sum(verdict.answer == COVERED for verdict in verdicts)
     accepted = "none stated" if tolerance is None else f"accepted: {quantity(tolerance, 'm')}"
     probability = f"{100.0 * min(v.probability for v in verdicts):.2g} %"
     facts = (
         Fact("Runs covered", f"{covered} of {len(verdicts)}"),
-        Fact("Largest difference", quantity(farthest.comparison.largest, "m"), accepted),
+        Fact("Largest difference", quantity(farthest.largest, "m"), accepted),
         Fact("Widest band", f"± {quantity(max(v.band for v in verdicts), 'm')}", "of the predictions"),
         Fact("Smallest probability", probability, "that a model without error differs as much"),
     )
     caption = (
         f"Left: measured and predicted. Right: measured minus predicted, and ± {BAND_DEVIATIONS:g} standard "
-        "deviations that the identified crane leaves open."
+        "deviations that the identified crane leaves open, as means over a twentieth of a swing."
     )
     sections = [Section("answers", "Answers", tables=(verdict_table(verdicts),))]
     for number, verdict in enumerate(verdicts, 1):
         data = verdict.comparison, "predicted", tolerance
         drawn = Figure.drawn(verdict.name, caption, _comparison_figure, *data, alone=True)
-        why = () if verdict.answer == COVERED else (f"{fault_of(verdict).capitalize()}.",)
+        texts = (explanation(verdict, tolerance), *asides(verdict))
+        why = tuple(f"{text[0].upper()}{text[1:]}." for text in texts)
         title = f"{verdict.answer}: {verdict.name}"
         sections.append(Section(f"run-{number}", title, why, figures=(drawn,)))
     first = FirstScreen(Cell(worst.answer, MARKS[worst.answer]), verdict_sentence(verdicts), facts)

@@ -58,8 +58,8 @@ def files(in_copy_of_files: None) -> None:  # noqa: ARG001
 NOTHING: dict[str, list[tuple[str, str]]] = {
     "validate": [
         ("validate empty", "empty: a directory without scenarios"),
-        ("validate --tolerance 5mm", "a tolerance without logs"),
-        ("validate two.mcap --rig lab-rig", "two.mcap has no measured run with angles"),
+        ("validate --tolerance 5mm", "options for measured runs, and no runs"),
+        ("validate two.mcap --rig lab-rig", "cannot read lab-rig-fit.json"),
     ],
     "compare": [
         ("compare mujoco.mcap", "mujoco.mcap holds the run of one plant only"),
@@ -90,7 +90,7 @@ ALWAYS = {
     "ladder": "its levels begin with two",
     "run": "it judges how its run ended",
     "thesis": "it runs all of the chapter",
-    "measured": "the part of `validate` for measured logs; tests/measured/test_verdict.py",
+    "measured": "the part of `validate` for measured runs; tests/measured/test_verdict.py",
 }
 
 

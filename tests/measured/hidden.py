@@ -1,6 +1,6 @@
 """Measured runs of hidden cranes: what encoders of a crane in MuJoCo read as its axes move."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from pyarrow import parquet
+from pyarrow import csv
+from scipy.interpolate import CubicHermiteSpline
 
-from cranectl.measured.experiment import CHANNELS, crane_scenario, delayed, encoders_of, rig_with, unknowns_of
+from cranectl.measured.experiment import CHANNELS, crane_scenario, encoders_of, rig_with, unknowns_of
 from cranectl.measured.importing import import_files
 from cranectl.measured.mapping import MeasuredMap
 from cranectl.measured.replay import simulate_replay
@@ -108,13 +109,15 @@ def measured_run(
     if sticks:
         friction = true.effects.friction.pivot_coulomb / (true.load_mass * true.gravity * state[4])
         state[6::2] = 0.9 * friction * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
-    arriving = delayed(speeds, true.effects.delay.seconds, period) * installation.drive_gain
+    whole, late = divmod(true.effects.delay.seconds, period)
+    arriving = speeds[(np.arange(len(time)) - int(whole)).clip(min=0)] * installation.drive_gain
     simulated = simulate_replay(
         run, "mujoco", "commands",
         scenario=change(crane_scenario(run.scenario, true, "commands")), commands=arriving, initial=state,
     )  # fmt: skip
     assert len(simulated.time_ns) == len(time), simulated.status
-    readings = simulated.block("state")[:, 0::2].copy()
+    rows = simulated.block("state")
+    readings = CubicHermiteSpline(time, rows[:, 0::2], rows[:, 1::2])((time - late).clip(min=0.0))
     readings[:, 2] += installation.rope_offset
     readings[:, 3:] += rng.uniform(-0.002, 0.002, 2)  # zeros of the sensors
     steps, noise = encoders_of(nominal)
@@ -125,12 +128,31 @@ def measured_run(
 def run_of(rig: RigParameters, time: Array, readings: Array, speeds: Array) -> Run:
     """The run that an import of these columns gives."""
     columns = dict(zip((*CHANNELS, *COMMANDS), np.hstack([readings, speeds]).T, strict=True))
+    return imported(rig, {"t": time, **columns}, signals_of(columns))
+
+
+def signals_of(columns: Mapping[str, Array]) -> dict[str, dict[str, Any]]:
+    """Return the tables of a map for columns in SI units that have the names of their signals."""
     units = dict.fromkeys(CHANNELS, "m") | {"alpha": "rad", "beta": "rad"} | dict.fromkeys(COMMANDS, "m/s")
-    signals = {name: {"column": name, "unit": unit} for name, unit in units.items()}
-    settings = {"commands": "velocity", "time": {"column": "t"}, "signals": signals, "check_physics": False}
-    mapping = parse_settings(MeasuredMap, settings, "the map")
+    return {name: {"column": name, "unit": units[name]} for name in columns}
+
+
+def imported(
+    rig: RigParameters,
+    columns: Mapping[str, Array],
+    signals: Mapping[str, Mapping[str, Any]],
+    *,
+    file: str = "run.csv",
+    **settings: Any,
+) -> Run:
+    """The run of `rig` that an import of a file with these columns gives, by the map with these settings."""
+    has_commands = COMMANDS[0] in signals
+    stated = {"time": {"column": "t"}, "signals": signals, "check_physics": False, **settings}
+    mapping = parse_settings(
+        MeasuredMap, stated | ({"commands": "velocity"} if has_commands else {}), "the map"
+    )
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "run.parquet"
-        parquet.write_table(pa.table({"t": time, **columns}), path)
+        path = Path(folder) / file
+        csv.write_csv(pa.table(dict(columns)), path)  # text is read without another process
         run = import_files([path], mapping, directory=path.parent).run
     return replace(run, scenario=run.scenario.model_copy(update={"rig": rig}))

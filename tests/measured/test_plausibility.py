@@ -150,6 +150,16 @@ def test_a_bridged_gap_is_not_a_late_answer(tmp_path: Path) -> None:
     assert all(finding.correlation > 0.999 for finding in result.findings)
 
 
+def test_constants_of_a_planar_rig_are_no_findings(tmp_path: Path) -> None:
+    """Nobody asks whether a constant is mapped right; a column that does not move is told."""
+    path = write_csv(tmp_path / "a.csv", columns() | {"beta": np.zeros(len(columns()["t"]))})
+    planar = {"bridge_position": {"column": None, "value": 0.0}}
+    both = imported(path, mapping=mapping(planar | {"beta": {"column": None, "value": 0.0}}))
+    assert [finding.signal for finding in both.findings] == ["alpha"]
+    one = imported(path, mapping=mapping(planar))
+    assert any("beta or bridge_position hardly moves" in finding.text for finding in one.findings)
+
+
 def test_a_negative_gain_is_always_told() -> None:
     """Also where noise hides so much of the answer that no mistake is found."""
     rig = load_rig("lab-rig")

@@ -113,7 +113,7 @@ def test_coarse_encoders_are_predicted_to_leave_numbers_open() -> None:
     assert {e.name for e in fine} == NUMBERS.keys()
     coarse = Sensing(angle_resolution=0.05, angle_noise=0.02)
     wide, left_open = predict_estimates(runs, with_effects(LAB, sensing=coarse))
-    assert left_open == ("effects.friction.pivot_viscous",)
+    assert left_open == ("effects.friction.pivot_coulomb", "effects.friction.pivot_viscous")
     half = {e.name: e.half_width for e in fine}
     assert all(e.half_width > half[e.name] for e in wide if "rope_offset" in e.name or "pivot" in e.name)
 
@@ -123,7 +123,10 @@ def test_a_crane_that_plays_the_set_points_is_identified(capsys: pytest.CaptureF
     assert main(["new", "experiment", "lab-rig", "--seed", "1", "--period", "0.01"]) == 0
     output = capsys.readouterr().out
     assert "not identifiable" not in output
-    (imports,) = re.findall(r"cranectl (log import .*)", output)
+    assert "At best, from runs 1 to 4" in output
+    (typed,) = re.findall(r"cranectl (identify .*)", output)
+    command, pattern, *options = shlex.split(typed)
+    assert (command, pattern) == ("identify", "RECORDED*.csv")
     for k, run in enumerate(propose_runs(LAB, seed=1, period=0.01)[:4], 1):
         played = np.loadtxt(f"lab-rig-run-{k}.csv", delimiter=",", skiprows=1)
         measured = measured_run(
@@ -132,10 +135,8 @@ def test_a_crane_that_plays_the_set_points_is_identified(capsys: pytest.CaptureF
         with Path(f"recorded-{k}.csv").open("w", newline="") as file:
             rows = np.hstack([played[:, :1], measured.block("state")[:, 0::2], played[:, 1:]])
             csv.writer(file).writerows([("time", *CHANNELS, *COMMANDS), *rows.tolist()])
-        importing = shlex.split(imports.replace("RECORDED", f"recorded-{k}"))
-        assert main([*importing, "--out", f"{k}.mcap"]) == 0
-    fitted = ["1.mcap", "2.mcap", "3.mcap"]
-    assert main(["identify", *fitted, "--rig", "lab-rig", "--json", "r.json"]) == 0
+    recorded = [f"recorded-{k}.csv" for k in (1, 2, 3)]
+    assert main(["identify", *recorded, *options, "--json", "r.json"]) == 0
     result = json.loads(Path("r.json").read_text())
     assert result["unidentifiable"] == []
     estimates = {e["name"]: e for e in result["estimates"]}
@@ -145,7 +146,7 @@ def test_a_crane_that_plays_the_set_points_is_identified(capsys: pytest.CaptureF
     predicted, _ = predict_estimates(propose_runs(LAB, seed=1, period=0.01)[:3], LAB)
     ratios = [estimates[e.name]["half_width"] / e.half_width for e in predicted]
     assert 0.4 < np.median(ratios) < 2.5
-    assert main(["validate", "4.mcap", "--rig", "identified.toml"]) == 0
+    assert main(["validate", "recorded-4.csv", *options[:2], "--rig", "identified.toml"]) == 0
 
 
 @pytest.mark.usefixtures("in_empty_directory")

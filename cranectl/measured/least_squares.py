@@ -1,0 +1,188 @@
+"""The least-squares problem of an identification, and what errors of readings make of its solution."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.optimize import least_squares
+
+from cranectl.measured.experiment import CHANNELS, Experiment, Unknown, encoders_of
+from cranectl.support.arrays import Array, Mask
+
+FITTING_STEP = 1e-3  # of a number's scale: smaller differences see the corners of friction
+MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
+MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
+ENCODER_DRAWS = 200  # of readings, from which the covariance of encoders is computed
+MAX_FIT_STEPS = 40  # of the fit
+
+
+class LeastSquares:
+    """The least-squares problem: numbers of the crane, then those of each run, all over their scales."""
+
+    def __init__(self, experiments: Sequence[Experiment], unknowns: Sequence[Unknown]) -> None:
+        self.experiments, self.unknowns = list(experiments), list(unknowns)
+        self.dropped: list[Unknown] = []
+        self.common = np.array([u.start / u.scale for u in self.unknowns])
+        self.own = [e.first_own() / e.own_scale for e in self.experiments]
+        self.misfit, self.done = np.inf, False  # mean square of all residuals in units of noise
+        self.parts: list[tuple[Array, Array, Array]] = []
+
+    def values(self, common: Array) -> dict[str, float]:
+        return {u.name: float(z * u.scale) for u, z in zip(self.unknowns, common, strict=True)}
+
+    def residuals(self, k: int, common: Array, own: Array) -> Array:
+        experiment = self.experiments[k]
+        return experiment.residuals(self.values(common), own * experiment.own_scale)
+
+    def jacobian(
+        self, k: int, common: Array, own: Array, base: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Return residuals of run k, and their derivatives by the common and by its own numbers.
+
+        `base` are the residuals, if they are known.
+        """
+        base = self.residuals(k, common, own) if base is None else base
+        shifts = FITTING_STEP * np.eye(len(common))
+        by_common = [(self.residuals(k, common + shift, own) - base) / FITTING_STEP for shift in shifts]
+        experiment = self.experiments[k]
+        values, own = self.values(common), own * experiment.own_scale
+        slopes = experiment.own_slopes(values, own, experiment.predicted(values, own))
+        by_own = [
+            -experiment.weighted(slope) * scale
+            for slope, scale in zip(slopes, experiment.own_scale, strict=True)
+        ]
+        by_own = np.nan_to_num(np.array(by_own)).T
+        return base, np.array(by_common).reshape(len(common), -1).T, by_own
+
+    def drop_without_effect(self) -> None:
+        """Leave out the numbers that move no reading of these runs."""
+        self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
+        effect = np.sqrt(sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts))
+        self._keep(effect > MIN_EFFECT)
+
+    def drop_unidentifiable(self) -> bool:
+        """Leave out the numbers whose spread is too large; return whether there were any."""
+        wide = self.deviations > MAX_SPREAD
+        self._keep(~wide)
+        return bool(wide.any())
+
+    def _keep(self, kept: Mask) -> None:
+        self.dropped += [u for u, keep in zip(self.unknowns, kept, strict=True) if not keep]
+        self.unknowns = [u for u, keep in zip(self.unknowns, kept, strict=True) if keep]
+        self.common = self.common[kept]
+        self.parts = [(base, by_common[:, kept], by_own) for base, by_common, by_own in self.parts]
+
+    def solve(self) -> None:
+        """Find the numbers of least squares, and reduce the equations there."""
+        sizes = np.cumsum([len(self.common), *map(len, self.own)])
+
+        def split(z: Array) -> tuple[Array, list[Array]]:
+            common, *own = np.split(z, sizes[:-1])
+            return common, own
+
+        bases: list[Array] = []  # residuals of each run at the numbers that were tried last
+        first = self.parts  # slopes at the start: dropped numbers hardly change them
+
+        def residuals(z: Array) -> Array:
+            common, own = split(z)
+            bases[:] = [self.residuals(k, common, o) for k, o in enumerate(own)]
+            return np.concatenate(bases)
+
+        def jacobian(z: Array) -> Array:  # at the numbers that were tried last, as least_squares asks
+            nonlocal first
+            common, own = split(z)
+            parts = first or [self.jacobian(k, common, o, bases[k]) for k, o in enumerate(own)]
+            first = []
+            _, by_common, by_own = zip(*parts, strict=True)
+            return np.hstack([np.vstack(by_common), block_diag(*by_own)])
+
+        lows = [u.low / u.scale for u in self.unknowns]
+        low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
+        start = np.concatenate([np.maximum(self.common, low[: sizes[0]] + 1e-6), *self.own])
+        solution = least_squares(
+            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MAX_FIT_STEPS
+        )
+        self.common, self.own = split(solution.x)
+        self.done = bool(solution.success)
+        ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
+        self.parts = [
+            (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
+            for k, (base, whole) in enumerate(
+                zip(np.split(solution.fun, ends), np.split(solution.jac, ends), strict=True)
+            )
+        ]
+        self.reduce()
+
+    def reduce(self) -> None:
+        """Compute the normal equations of each run, misfit and deviations from the linearised equations."""
+        self.misfit = float(np.mean(np.square(np.concatenate([base for base, _, _ in self.parts]))))
+        self.normal = [reduced_equations(*part) for part in self.parts]
+        inverse = np.linalg.pinv(sum(matrix for matrix, _ in self.normal))
+        self.deviations = np.sqrt(np.diag(inverse).clip(min=0.0) * max(self.misfit, 1.0))
+        self.inverse = inverse
+
+    def jackknife(self) -> Array:
+        """Return the covariance of the numbers from leaving out each run once, in scales (P, P)."""
+        total, pull = (sum(part[k] for part in self.normal) for k in range(2))
+        moved = np.array(
+            [-np.linalg.pinv(total - matrix) @ (pull - gradient) for matrix, gradient in self.normal]
+        )
+        runs = len(self.normal)
+        centred = moved - moved.mean(axis=0)
+        covariance: Array = (runs - 1) / runs * centred.T @ centred
+        return covariance
+
+    def encoder_covariance(self) -> Array:
+        """Return the covariance of the numbers from drawn, rounded readings of encoders, in scales (P, P)."""
+        rng = np.random.default_rng(0)
+        pulls = np.zeros((len(self.unknowns), ENCODER_DRAWS))
+        for experiment, (base, by_common, by_own) in self.runs():
+            steps, noise = (values[experiment.channels] for values in encoders_of(experiment.rig))
+            # Each place at which an axis rests has its own rounding error, so fitted places are rounded.
+            fitted = (experiment.weighted(experiment.readings) - base).reshape(len(experiment.rows), -1)
+            fitted = fitted * experiment.noise[experiment.channels]
+            own, _ = np.linalg.qr(by_own)
+            reduced = by_common - own @ (own.T @ by_common)
+            for draw in range(ENCODER_DRAWS):
+                exact = fitted + steps * rng.uniform(size=len(steps))
+                drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps
+                errors = (drawn - exact) / experiment.noise[experiment.channels]
+                pulls[:, draw] += reduced.T @ errors.ravel()
+        moved = self.inverse @ pulls
+        covariance: Array = moved @ moved.T / ENCODER_DRAWS
+        return covariance
+
+    def further_spread(self, between_runs: Array, of_encoders: Array) -> Array:
+        """Return the spread between runs that encoders do not explain, in scales (P, P).
+
+        R runs spread in R - 1 directions only. So half of it is given to all P directions, in the shape of
+        what encoders leave open. Runs that differ no more than by errors of encoders have none.
+        """
+        ratio = float(np.trace(np.linalg.pinv(of_encoders) @ between_runs)) / len(between_runs)
+        further = max(1.0 - 1.0 / ratio, 0.0) if ratio > 0.0 else 0.0
+        covariance: Array = further * 0.5 * (between_runs + ratio * of_encoders)
+        return covariance
+
+    def misfits(self) -> dict[str, float]:
+        """Return the mean square of the residuals of each compared channel, in units of noise."""
+        channels = self.experiments[0].channels
+        residuals = np.vstack([base.reshape(len(e.rows), -1) for e, (base, _, _) in self.runs()])
+        means = np.square(residuals).mean(axis=0).tolist()
+        return dict(zip(CHANNELS[channels], means, strict=True))
+
+    def runs(self) -> Iterator[tuple[Experiment, tuple[Array, Array, Array]]]:
+        """Yield each experiment with its residuals and their derivatives by common and by own numbers."""
+        return zip(self.experiments, self.parts, strict=True)
+
+
+def reduced_equations(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
+    """Return the normal equations of a run for the P common numbers, with its Q own numbers eliminated.
+
+    `base` (M,) or (M, D) are residuals in units of noise, of one or D sets of readings. `by_common` (M, P)
+    and `by_own` (M, Q) are their derivatives. The result is the matrix (P, P) and the negative right sides
+    (P,) or (P, D).
+    """
+    own, _ = np.linalg.qr(by_own)
+    by_common = by_common - own @ (own.T @ by_common)
+    base = base - own @ (own.T @ base)
+    return by_common.T @ by_common, by_common.T @ base

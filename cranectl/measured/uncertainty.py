@@ -1,0 +1,216 @@
+"""Predict a run that was not used, with what numbers, start and readings leave open.
+
+Nothing is fitted to the run but its start: where axes and load are before the axes move, estimated from the
+samples of that pause. Errors of the numbers and of the start change a prediction linearly. The noise of
+readings is drawn and rounded to the steps of the encoders, and it changes the estimated start too.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from cranectl.measured.assembly import load_of
+from cranectl.measured.comparison import block_means, true_joints
+from cranectl.measured.experiment import ANGLE_SCALE, Experiment, encoders_of, reading_noise, stuck_angle
+from cranectl.support.arrays import Array
+
+READING_DRAWS = 400  # of the noise of a run
+LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position is computed
+START_STEPS = 2  # of Gauss and Newton, to the start of a run
+MIN_NUMBER_CHANGE = 1e-4  # of a number, by which it is changed at least to see its effect
+SEED = 0  # of the draws
+ROPE_ZERO = "effects.installation.rope_offset"
+ROPE = 2  # its place among a run's own numbers, if its commands are repeated
+START = "the start"  # in place of the name of a number
+
+
+@dataclass(frozen=True)
+class Errors:
+    """What is not known of P numbers: independent errors, each of one standard deviation."""
+
+    names: tuple[str, ...]  # of the numbers (P,)
+    known: Array  # errors whose size is known (K, P)
+    spread: Array  # errors whose size is estimated from a few runs (S, P)
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each number (P,)."""
+        deviations: Array = np.sqrt(np.square(np.vstack([self.known, self.spread])).sum(axis=0))
+        return deviations
+
+
+@dataclass(frozen=True)
+class UncertainPrediction:
+    """Predicted readings of a run, and what may be wrong with them."""
+
+    readings: Array  # (N, 5); NaN after the end of the prediction
+    own: Array  # estimated numbers of the run (Q,)
+    own_deviations: Array  # their standard deviations (Q,)
+    modes: Array  # changes of means by independent errors of one standard deviation (R, B, C)
+    spread_modes: int  # how many of these, the last ones, have a size that is estimated
+    noise: Array  # drawn changes of means by noise, also through the start (READING_DRAWS, B, C)
+    least: Array  # standard deviation of a mean that encoders always leave (C,)
+    load_deviation: Array  # standard deviation of the load's position (N,) [m]
+    load_noise: float  # largest distance of the load that noise alone explains at N samples [m]
+    widest_by: str  # number whose error adds most to the largest deviation of the load, or START
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of the means (B, C)."""
+        variance = np.square(self.modes).sum(axis=0) + np.square(self.noise).mean(axis=0)
+        deviation: Array = np.maximum(np.sqrt(variance), self.least)
+        return deviation
+
+
+def predict_with_errors(
+    experiment: Experiment, values: Mapping[str, float], errors: Errors
+) -> UncertainPrediction:
+    """Predict the readings of a run from identified `values`, which have `errors`."""
+    block, shown, still = experiment.block, experiment.channels, experiment.still_samples()
+    own, gain, of_start, base, own_slopes = _estimated_start(experiment, values)
+    curvature = _rope_curvature(experiment, values, own, base, own_slopes)
+    slopes = np.concatenate([_number_slopes(experiment, values, errors, own, base), own_slopes])
+    numbers, starts = len(errors.names), len(own)
+    own_means = [block_means(slope, block)[:, shown] for slope in own_slopes]
+    bend = block_means(curvature, block)[:, shown]
+    load_slopes = _load_slopes(experiment, base, own, values)
+
+    noise, start_errors, load_noise = [], [], []
+    for k, error in enumerate(_drawn_errors(experiment, base)):
+        wrong = gain @ error[:still, shown].ravel()
+        start_errors.append(wrong)
+        moved = 0.5 * bend * wrong[ROPE] ** 2 - np.tensordot(wrong, own_means, axes=1)
+        noise.append(block_means(error, block)[:, shown] + moved)
+        if k < LOAD_NOISE_DRAWS:
+            load_noise.append(np.linalg.norm(np.einsum("nc,ncx->nx", error, load_slopes), axis=1).max())
+
+    def joined(of_numbers: Array, of_starts: Array) -> Array:
+        return np.block(
+            [
+                [of_numbers, np.zeros((len(of_numbers), starts))],
+                [np.zeros((len(of_starts), numbers)), of_starts],
+            ]
+        )
+
+    start_noise = root_of(np.cov(np.array(start_errors).T))
+    weights = np.vstack(
+        [joined(errors.known, of_start), joined(errors.spread, np.zeros((0, starts)))]
+    )  # (R, P + Q)
+    modes = [
+        block_means(np.nan_to_num(np.tensordot(weight, slopes, axes=1)), block)[:, shown]
+        for weight in weights
+    ]
+    if ROPE_ZERO in errors.names:  # a longer rope, with the same reading
+        slopes[errors.names.index(ROPE_ZERO), :, 2] -= 1.0
+    loads = np.nan_to_num(np.einsum("pnc,ncx->pnx", slopes, load_slopes))
+    all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
+    shares = np.tensordot(all_weights, loads, axes=1)  # (R + Q, N, 3)
+    covariance = np.einsum("rnx,rny->nxy", shares, shares)
+    deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
+    return UncertainPrediction(
+        readings=base,
+        own=own,
+        own_deviations=np.sqrt(np.square(np.vstack([of_start, start_noise])).sum(axis=0)),
+        modes=np.array(modes),
+        spread_modes=len(errors.spread),
+        noise=np.array(noise),
+        least=reading_noise(experiment.rig, block)[shown],
+        load_deviation=deviation,
+        load_noise=float(np.median(load_noise)),
+        widest_by=_widest_by(errors, all_weights, loads[:, int(np.argmax(deviation))]),
+    )
+
+
+def _estimated_start(
+    experiment: Experiment, values: Mapping[str, float]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Estimate a run's own numbers (Q,) from its samples at rest.
+
+    Return them, by how much errors of these readings change them (Q, M), errors that no reading shows
+    (E, Q), and the prediction (N, 5) with its derivatives (Q, N, 5).
+    """
+    still, shown = experiment.still_samples(), experiment.channels
+    steps, white = encoders_of(experiment.rig)
+    white = np.hypot(white, steps / np.sqrt(12.0))[shown]
+    usual = np.array([experiment.usual_swing(k) * f for k in range(2) for f in (1.0, experiment.frequency)])
+    prior = np.diag([*np.zeros(experiment.compared), *(1.0 / usual**2)])
+    own = experiment.first_own()
+    for _ in range(START_STEPS):
+        base = experiment.predicted(values, own)
+        slopes = experiment.own_slopes(values, own, base)
+        seen = (slopes[:, :still, shown] / white).reshape(len(own), -1)
+        normal = seen @ seen.T + prior
+        gain = np.linalg.solve(normal, seen) / np.tile(white, still)
+        residuals = (experiment.readings - base)[:still, shown].ravel()
+        own = own + gain @ residuals - np.linalg.solve(normal, prior @ own)
+    base = experiment.predicted(values, own)
+    unseen = np.linalg.solve(normal, prior)[:, experiment.compared :] * usual  # (Q, 4)
+    # A pivot that sticks holds the rope anywhere within the angle at which its friction carries the weight.
+    stuck = np.zeros((2, len(own)))
+    angle = stuck_angle(experiment.rig, float(experiment.readings[0, 2])) / np.sqrt(3.0)
+    for k in range(2):
+        stuck[k, experiment.compared - 2 + k], stuck[k, experiment.compared + 2 * k] = -angle, angle
+    return own, gain, np.vstack([unseen.T, stuck]), base, slopes
+
+
+def _rope_curvature(
+    experiment: Experiment, values: Mapping[str, float], own: Array, base: Array, slopes: Array
+) -> Array:
+    """Return the second derivative (N, 5) of the readings by the length of the rope at the start.
+
+    A coarse encoder leaves open by how much the phase of the swing is off at the end of a long run. Where
+    the swing turns, it then changes with the square of the phase. The slope in `slopes` becomes exact too.
+    """
+    if experiment.replay == "motion":
+        return np.zeros_like(base)
+    step = np.zeros(len(own))
+    step[ROPE] = reading_noise(experiment.rig)[ROPE]
+    longer, shorter = (np.nan_to_num(experiment.predicted(values, own + sign * step)) for sign in (1.0, -1.0))
+    slopes[ROPE] = (longer - shorter) / (2.0 * step[ROPE])
+    curvature: Array = (longer - 2.0 * np.nan_to_num(base) + shorter) / step[ROPE] ** 2
+    return curvature
+
+
+def _number_slopes(
+    experiment: Experiment, values: Mapping[str, float], errors: Errors, own: Array, base: Array
+) -> Array:
+    """Return the derivatives (P, N, 5) of predicted readings by the crane's numbers."""
+    slopes = []
+    for name, deviation in zip(errors.names, errors.deviations, strict=True):
+        change = max(deviation, MIN_NUMBER_CHANGE * abs(values[name]), 1e-9)
+        slopes.append((experiment.predicted({**values, name: values[name] + change}, own) - base) / change)
+    return np.array(slopes).reshape(len(slopes), *base.shape)
+
+
+def _drawn_errors(experiment: Experiment, base: Array) -> Iterator[Array]:
+    """Yield drawn errors of the readings (N, 5), of noise and of steps."""
+    rng, (steps, noise) = np.random.default_rng(SEED), encoders_of(experiment.rig)
+    exact = np.nan_to_num(base)
+    for _ in range(READING_DRAWS):
+        places = exact + steps * rng.uniform(-0.5, 0.5, len(steps))  # nobody knows where between two steps
+        yield np.round((places + noise * rng.standard_normal(exact.shape)) / steps) * steps - places
+
+
+def _load_slopes(experiment: Experiment, base: Array, own: Array, values: Mapping[str, float]) -> Array:
+    """Return the derivatives (N, 5, 3) of the load's position by readings."""
+    joints, step = true_joints(experiment, np.nan_to_num(base), own, values), 1e-6
+    slopes = np.array([(load_of(joints + shift) - load_of(joints)) / step for shift in step * np.eye(5)])
+    slopes[3:] /= values.get(ANGLE_SCALE, 1.0)
+    if experiment.replay == "motion":
+        slopes[:3] = 0.0  # axes move as measured
+    return slopes.transpose(1, 0, 2)
+
+
+def _widest_by(errors: Errors, weights: Array, loads: Array) -> str:
+    """Return the name of the number whose error moves the load most, given `loads` (P + Q, 3)."""
+    sizes = np.sqrt(np.square(weights).sum(axis=0)) * np.linalg.norm(loads, axis=1)
+    largest = int(np.argmax(sizes))
+    return errors.names[largest] if largest < len(errors.names) else START
+
+
+def root_of(covariance: Array) -> Array:
+    """Return independent errors (R, P) of one standard deviation each that have this covariance (P, P)."""
+    variances, vectors = np.linalg.eigh(covariance)
+    root: Array = (vectors * np.sqrt(variances.clip(min=0.0))).T
+    return root

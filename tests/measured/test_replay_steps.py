@@ -1,0 +1,71 @@
+"""Readings are predicted with few steps, which are exact enough, and no prediction is made twice."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cranectl.measured import replay
+from cranectl.measured.experiment import Experiment, crane_scenario, rig_with, unknowns_of
+from cranectl.measured.identification import LeastSquares
+from cranectl.measured.replay import with_longer_steps
+from cranectl.scenario.effects import Rope
+from cranectl.scenario.load import load_rig
+from cranectl.simulate import Run
+from tests.measured.hidden import LAB, NUMBERS, hidden_numbers, measured_run, with_effects
+
+LARGEST_ERROR = 1e-3  # of the noise of a reading: nobody sees it
+
+
+@pytest.mark.parametrize(("rig", "period"), [("lab-rig", 0.005), ("bridge-crane", 0.05)])
+def test_long_steps_err_far_less_than_encoders(
+    rig: str, period: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = load_rig(rig)
+    numbers = hidden_numbers(known, np.random.default_rng(3))
+    run = measured_run(known, numbers, 7, seconds=1600.0 * period, period=period)
+    experiment = Experiment(run, known, "commands", 1000)
+    scenario = crane_scenario(run.scenario, rig_with(known, numbers), "commands")
+    step = with_longer_steps(scenario, run.drive).control.physics_step
+    assert step is not None
+    assert step > 2.0 * (scenario.control.physics_step or 0.0)
+    quick = experiment.predicted(numbers, np.zeros(len(experiment.own_scale)))
+    monkeypatch.setattr(replay, "LONGER_STEPS", replay.LONGER_STEPS / 16.0)
+    exact = experiment.predicted(numbers, np.zeros(len(experiment.own_scale)))
+    errors = np.abs(quick - exact) / experiment.noise
+    assert 0.0 < errors.max() < LARGEST_ERROR
+
+
+def test_what_vibrates_keeps_the_steps_of_its_scenario(clean: Run) -> None:
+    scenario = crane_scenario(clean.scenario, LAB, "commands")
+    assert with_longer_steps(scenario, "velocity") != scenario
+    elastic = with_effects(scenario, rope=Rope(stiffness=5000.0))
+    assert with_longer_steps(elastic, "velocity") == elastic
+
+
+def test_steps_shorten_with_the_lag_of_a_drive(clean: Run) -> None:
+    """A number that is tried may be far from that of the rig, and steps that suit the rig be unstable."""
+    quick = rig_with(LAB, {"winch_time_constant": 0.05 * LAB.winch_time_constant})
+    scenario = crane_scenario(clean.scenario, quick, "commands")
+    assert with_longer_steps(scenario, "velocity") == scenario
+
+
+def test_no_prediction_is_made_twice(clean: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: Counter[tuple[Any, ...]] = Counter()
+    predicted = Experiment.predicted
+
+    def counted(self: Experiment, values: dict[str, float], own: Any, *plant: str) -> Any:
+        made[*values.values(), *own, *plant] += 1
+        return predicted(self, values, own, *plant)
+
+    monkeypatch.setattr(Experiment, "predicted", counted)
+    first = {name: NUMBERS[name] for name in NUMBERS if "time_constant" not in name}
+    rig = rig_with(LAB, first)
+    fit = LeastSquares([Experiment(clean, rig, "commands", 1000)], unknowns_of(rig, "commands")[:3])
+    fit.drop_without_effect()
+    fit.solve()
+    times = {u.name: z * u.scale for u, z in zip(fit.unknowns, fit.common, strict=True)}
+    assert times == pytest.approx({name: NUMBERS[name] for name in times}, rel=0.01)
+    assert len(made) > 10
+    assert sum(made.values()) <= len(made) + 1, "but the first, by which numbers are dropped"
