@@ -1,0 +1,446 @@
+"""Judge runs of hidden cranes in everyday cases: imperfect models, slow logs, starts that swing, odd logs.
+
+    .venv/bin/python -m validation.proofs.verdicts --truth      # hide cranes, by a new seed; commit it
+    .venv/bin/python -m validation.proofs.verdicts --jobs 2     # all parts, into verdicts.json
+    .venv/bin/python -m validation.proofs.verdicts --part exact --cranes 2
+
+The simulator shares nothing with the models (tests/measured/simulator.py). The truth is written before any
+run, and no part runs without it. What is in the file is not computed again; fits are kept in build/.
+
+- exact: cranes that the models describe, from other numbers than the fit starts from; and nine changes
+- imperfect: each crane has some flaws that no model has; and nine changes of it
+- periods: the same from logs that are up to 20 times slower; a period of 100 ms is too slow for a swing of
+  1.7 s. Periods grow with the root of the size, as swings do
+- starts: runs that begin with a swing of 0, 1 and 5 mrad
+- degenerate: logs that say nothing, or that were used
+- calibration: short unchanged runs, whose probabilities must be even from 0 to 1
+"""
+
+import argparse
+import json
+import secrets
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from itertools import chain
+from math import isfinite, pi, sqrt
+from multiprocessing import get_context
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest, kstest
+
+from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.measured.identification import identify
+from cranectl.measured.verdict import (
+    COVERED,
+    NOT_COVERED,
+    NOT_DECIDED,
+    WITHIN_TOLERANCE,
+    RunVerdict,
+    answer_for,
+    judge,
+)
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from tests.measured.disguises import disguises
+from tests.measured.hidden import run_of, set_points
+from tests.measured.simulator import NO_DEFECTS, Defects, Truth
+from validation.proofs.hidden_cranes import (
+    CRANES,
+    DEAD_TIME,
+    PERIOD,
+    SECONDS,
+    UNCHANGED,
+    Crane,
+    Numbers,
+    changes,
+    drawn_crane,
+)
+
+DATA = Path(__file__).with_name("verdicts.json")
+FITS = Path(__file__).resolve().parents[2] / "build" / "verdicts"
+FITTED = 4  # runs
+EXACT_UNCHANGED, IMPERFECT_UNCHANGED, FEW_UNCHANGED = 17, 4, 2  # judged runs of each crane
+FEW_CHANGES = 3  # of the nine, in turn from crane to crane
+SLOW_PERIODS = (0.02, 0.05, 0.1)  # [s] on the laboratory rig, besides PERIOD
+SWINGS = (0.0, 0.001, 0.005)  # [rad] at the start
+USUAL_SWING = 0.001  # [rad] of imperfect cranes
+SHORT = 8.0  # [s] of a run of the calibration, on the laboratory rig
+DECISIVE = 2.0  # times the tolerance or the band, from which a true difference must be found
+ENOUGH_SAMPLES = 20.0  # in a swing
+REFUSED = "refused"
+LEVEL = 0.05  # of unchanged runs, called not covered
+
+Row = dict[str, Any]
+
+
+class Fitted:
+    """A crane with the fit to some runs of it, which is kept."""
+
+    def __init__(
+        self, crane: Crane, k: int, folder: Path, name: str, has: Defects, *, period: float = PERIOD,
+        swing: float = 0.0, **more: Any,
+    ) -> None:  # fmt: skip
+        self.crane, self.k, self.has = crane, k, has
+        self.rig = crane.rig(folder)
+        self.common: dict[str, Any] = {"period": period, "swing": swing}
+        path = crane.rig_file(folder, f"{name}-{k}")
+        if not fit_path(path).exists():
+            runs = [self.run(seed, **more)[0] for seed in range(FITTED)]
+            result = identify(runs, self.rig)
+            shown = {
+                "misfit": result.misfit,
+                "converged": result.converged,
+                "estimates": {e.name: [e.value, e.half_width] for e in result.estimates},
+            }
+            path.with_suffix(".json").write_text(json.dumps(shown), encoding="utf-8")
+            fit_path(path).write_text(fit_text(result, runs), encoding="utf-8")
+        self.fit: Fit = read_fit(path)
+        self.facts: Row = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+
+    def run(self, seed: int, **more: Any) -> tuple[Run, Truth]:
+        """Return a run of this crane; seeds below FITTED are those of the fit."""
+        kept = {"changed": (self.crane.numbers, self.has), **self.common, **more}
+        return self.crane.run(self.rig, 100_000 * self.k + seed, **kept)
+
+    def changes(self) -> dict[str, tuple[Numbers, Defects]]:
+        """Return nine changes of the crane."""
+        return changes(self.crane, self.rig, self.has)
+
+    def some_changes(self) -> dict[str, tuple[Numbers, Defects]]:
+        """Return some of them, others for the next crane."""
+        kinds = [*self.changes().items()]
+        return dict(kinds[(FEW_CHANGES * self.k + n) % len(kinds)] for n in range(FEW_CHANGES))
+
+    def judged(self, first: int, kinds: Sequence[tuple[str, Row]]) -> Iterator[tuple[Row, RunVerdict | None]]:
+        """Yield a row and the verdict of a new run of each kind, which has other settings of a run."""
+        for n, (kind, settings) in enumerate(kinds):
+            run, truth = self.run(first + n, **settings)
+            yield judged_row(kind, run, self.fit, truth)
+
+    def with_tolerance(
+        self, first: int, unchanged: int, changed: Mapping[str, tuple[Numbers, Defects]], **settings: Any
+    ) -> list[Row]:
+        """Return rows of new runs, judged with the tolerance that unchanged ones have, and two bands."""
+        kinds = [(UNCHANGED, settings)] * unchanged
+        kinds += [(kind, {**settings, "changed": change}) for kind, change in changed.items()]
+        judged = [*self.judged(first, kinds)]
+        errors = [row["error"] for row, _ in judged if row["kind"] == UNCHANGED]
+        bands = [verdict.band for row, verdict in judged if row["kind"] == UNCHANGED and verdict]
+        tolerance = max(errors, default=0.0) + 2.0 * max(bands, default=0.0)
+        for row, verdict in judged:
+            row["tolerance"] = tolerance
+            if verdict and not row["reason"]:
+                row["answer"], row["reason"] = answer_for(verdict, tolerance)
+        return [row for row, _ in judged]
+
+
+def judged_row(kind: str, run: Run, fit: Fit, truth: Truth | None = None) -> tuple[Row, RunVerdict | None]:
+    """Return what a verdict says of a run, beside the truth."""
+    try:
+        (verdict,) = judge({kind: run}, fit)
+    except InputError as error:
+        return {"kind": kind, "answer": REFUSED, "reason": error.found, "error": 0.0}, None
+    row: Row = {
+        "kind": kind,
+        "answer": verdict.answer,
+        "reason": verdict.reason,
+        "p": verdict.probability,
+        "T": verdict.statistic,
+        "band": verdict.band,
+        "noise": verdict.load.noise,
+        "shown": verdict.largest,
+    }
+    if truth is not None:
+        predicted = np.nan_to_num(verdict.load.predicted, nan=np.inf)
+        for name, place in (("error", truth.sensed), ("unseen", truth.load)):
+            row[name] = float(np.linalg.norm(place - predicted, axis=1).max())
+        rope = float((truth.joints[:, 2]).min())
+        row["samples"] = 2.0 * pi * sqrt(rope / fit.rig.gravity) / float(run.time[1])
+    return row, verdict
+
+
+def exact_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge unchanged runs of an exact crane, and nine changes of it."""
+    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    kinds: list[tuple[str, Row]] = [(UNCHANGED, {})] * EXACT_UNCHANGED
+    kinds += [(kind, {"changed": change}) for kind, change in fitted.changes().items()]
+    return {**fitted.facts, "rows": [row for row, _ in fitted.judged(100, kinds)]}
+
+
+def imperfect_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs of an imperfect crane with a tolerance."""
+    fitted = Fitted(crane, k, folder, "imperfect", crane.flaws, swing=USUAL_SWING)
+    return {**fitted.facts, "rows": fitted.with_tolerance(200, IMPERFECT_UNCHANGED, fitted.changes())}
+
+
+def periods_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs of an imperfect crane, all in slow logs."""
+    facts: Row = {"rows": []}
+    for n, period in enumerate(SLOW_PERIODS):
+        name = f"period-{1e3 * period:.0f}"
+        fitted = Fitted(crane, k, folder, name, crane.flaws, period=period, swing=USUAL_SWING)
+        rows = fitted.with_tolerance(300 + 20 * n, FEW_UNCHANGED, fitted.some_changes())
+        facts["rows"] += [{**row, "period": period} for row in rows]
+    return facts
+
+
+def starts_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs that begin with a swing, of an exact crane and of an imperfect one."""
+    exact = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    imperfect = Fitted(crane, k, folder, "imperfect", crane.flaws, swing=USUAL_SWING)
+    facts: Row = {"rows": []}
+    for n, swing in enumerate(SWINGS):
+        new: list[tuple[str, Row]] = [(UNCHANGED, {"swing": swing})] * FEW_UNCHANGED
+        rows = [{**row, "crane": "exact"} for row, _ in exact.judged(400 + 20 * n, new)]
+        some = imperfect.some_changes()
+        rows += imperfect.with_tolerance(410 + 20 * n, FEW_UNCHANGED, some, swing=swing)
+        facts["rows"] += [{**row, "swing": swing} for row in rows]
+    return facts
+
+
+def degenerate_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge logs that say nothing, and logs that were used."""
+    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    rig, period, rng = fitted.rig, crane.period(), np.random.default_rng(k)
+    time = period * np.arange(round(SECONDS / PERIOD) + 1)
+    start, _ = set_points(rig, rng, time, ())
+    still, rows = np.zeros((len(time), 3)), []
+
+    def add(kind: str, allowed: Sequence[str], make: Callable[[], tuple[Run, Fit, Truth | None]]) -> None:
+        try:
+            row, _ = judged_row(kind, *make())
+        except InputError as error:
+            row = {"kind": kind, "answer": REFUSED, "reason": error.found}
+        rows.append({**row, "allowed": allowed})
+
+    constant = np.tile([*start, 0.0, 0.0], (len(time), 1))
+    add("constant", [NOT_DECIDED], lambda: (run_of(rig, time, constant, still), fitted.fit, None))
+    short = time[:2], constant[:2], still[:2]
+    add("two samples", [REFUSED], lambda: (run_of(rig, *short), fitted.fit, None))
+    for swing in (0.0, 0.005):
+        rest = partial(fitted.run, 500, motion=(start, still), swing=swing)
+        name = f"zero commands, swing of {1e3 * swing:g} mrad"
+        add(
+            name,
+            [NOT_DECIDED, COVERED] if swing else [NOT_DECIDED],
+            lambda rest=rest: with_fit(rest(), fitted),
+        )
+    for axis, name in enumerate(("bridge", "trolley", "rope")):
+        one = partial(fitted.run, 510 + axis, axes=(axis,))
+        add(f"only {name} moves", [COVERED], lambda one=one: with_fit(one(), fitted))
+    lame = Fitted(crane, k, folder, "one-axis", NO_DEFECTS, axes=(1,))
+    add("an axis that the fit never saw", [NOT_DECIDED], lambda: with_fit(lame.run(520), lame))
+    used, _ = fitted.run(0)
+    for name, run in chain([("used", used)], disguises(used)):
+        add(name, [REFUSED], lambda run=run: (run, fitted.fit, None))
+    return {"rows": rows}
+
+
+def with_fit(done: tuple[Run, Truth], fitted: Fitted) -> tuple[Run, Fit, Truth]:
+    """Return a run, the fit that judges it, and the truth."""
+    return done[0], fitted.fit, done[1]
+
+
+def calibration_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge short unchanged runs of an exact crane."""
+    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    kinds: list[tuple[str, Row]] = [(UNCHANGED, {"seconds": SHORT})] * EXACT_UNCHANGED
+    return {"rows": [row for row, _ in fitted.judged(600, kinds)]}
+
+
+PARTS: dict[str, Callable[[Crane, int, Path], Row]] = {
+    "exact": exact_part,
+    "imperfect": imperfect_part,
+    "periods": periods_part,
+    "starts": starts_part,
+    "degenerate": degenerate_part,
+    "calibration": calibration_part,
+}
+
+
+def run_part(part: str, k: int, crane: Row, folder: Path) -> tuple[int, Row]:
+    """Return the result of a part for the k-th crane."""
+    return k, PARTS[part](Crane.from_json(crane), k, folder)
+
+
+def hide(seed: int, out: Path) -> None:
+    """Write the truth of new cranes, in place of all results."""
+    with TemporaryDirectory() as folder:
+        cranes = [drawn_crane(seed, k, Path(folder)).to_json() for k in range(CRANES)]
+    write({"seed": seed, "cranes": cranes, "parts": {}}, out)
+
+
+def write(data: Row, out: Path) -> None:
+    """Write the truth and the results, a line for each crane and each row, with six digits in results."""
+    rounded = json.loads(json.dumps(data["parts"]), parse_float=_six_digits)
+    parts = []
+    for part, cranes in sorted(rounded.items()):
+        units = [
+            json.dumps({n: v for n, v in facts.items() if n != "rows"})[:-1]
+            + (", " if len(facts) > 1 else "")
+            + '"rows": [\n   '
+            + ",\n   ".join(map(json.dumps, facts["rows"]))
+            + "]}"
+            for facts in cranes.values()
+        ]
+        numbered = (f'"{k}": {text}' for k, text in zip(cranes, units, strict=True))
+        parts.append(f' "{part}": {{\n  ' + ",\n  ".join(numbered) + "}")
+    cranes, whole = ",\n  ".join(map(json.dumps, data["cranes"])), ",\n".join(parts)
+    text = f'{{"seed": {data["seed"]},\n "cranes": [\n  {cranes}],\n "parts": {{\n{whole}}}}}\n'
+    out.write_text(text, encoding="utf-8")
+
+
+def _six_digits(text: str) -> float | None:
+    value = float(text)
+    return float(f"{value:.6g}") if isfinite(value) else None
+
+
+def main() -> None:
+    """Hide cranes, or run what is missing, and tell the results."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--truth", action="store_true", help="hide new cranes; the old results are lost")
+    parser.add_argument("--seed", type=int, help="of --truth; by default one that nobody knows before")
+    parser.add_argument("--part", choices=PARTS, action="append", help="by default all")
+    parser.add_argument("--cranes", type=int, default=CRANES, help="how many of them")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=DATA)
+    arguments = parser.parse_args()
+    if arguments.truth:
+        hide(secrets.randbelow(2**31) if arguments.seed is None else arguments.seed, arguments.out)
+        return
+    data = json.loads(arguments.out.read_text(encoding="utf-8"))
+    if "cranes" not in data:
+        parser.error(f"{arguments.out} has no truth; write it by --truth, and commit it")
+    folder = FITS / str(data["seed"])
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
+        for part in arguments.part or PARTS:  # in turn, since parts of a crane share its fits
+            done = data["parts"].get(part, {})
+            missing = [k for k in range(arguments.cranes) if str(k) not in done]
+            tasks = [pool.submit(run_part, part, k, data["cranes"][k], folder) for k in missing]
+            for task in as_completed(tasks):
+                k, facts = task.result()
+                done = dict(sorted([*done.items(), (str(k), facts)], key=lambda item: int(item[0])))
+                data["parts"][part] = done
+                print(f"{part}, crane {k}: {shown_answers(facts['rows'])}", flush=True)
+                write(data, arguments.out)
+    data = json.loads(arguments.out.read_text(encoding="utf-8"))
+    print("\n".join(f"{name}: {value}" for name, value in summary(data).items()))
+
+
+def shown_answers(rows: Sequence[Row]) -> str:
+    """Return how many runs had each answer."""
+    answers = [row["answer"] for row in rows]
+    return ", ".join(f"{answers.count(answer)} {answer}" for answer in dict.fromkeys(answers))
+
+
+def summary(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return in words how exact the numbers are, and how often the verdicts err."""
+    parts = {part: [*facts.values()] for part, facts in data["parts"].items()}
+    rows = {part: [row for facts in all_facts for row in facts["rows"]] for part, all_facts in parts.items()}
+    words: dict[str, str] = {}
+    if "exact" in parts:
+        truths = [data["cranes"][int(k)] for k in data["parts"]["exact"]]
+        words |= exactness(parts["exact"], truths) | alarms(rows["exact"])
+    if exact := [row for row in rows.get("starts", ()) if row.get("crane") == "exact"]:
+        for swing in SWINGS:
+            some = [row for row in exact if row["swing"] == swing]
+            words |= {
+                f"start swings by {1e3 * swing:g} mrad, {name}": text for name, text in alarms(some).items()
+            }
+    tolerated = [("imperfect", rows.get("imperfect", []))]
+    tolerated += [
+        (f"period {1e3 * period:.0f} ms", [row for row in rows.get("periods", ()) if row["period"] == period])
+        for period in SLOW_PERIODS
+    ]
+    starts = [row for row in rows.get("starts", ()) if "tolerance" in row]
+    tolerated += [
+        (f"start {1e3 * swing:g} mrad", [row for row in starts if row["swing"] == swing]) for swing in SWINGS
+    ]
+    for name, some in tolerated:
+        if some:
+            words |= {f"{name}, {what}": text for what, text in tolerance_summary(some).items()}
+    if degenerate := rows.get("degenerate"):
+        wrong = [row for row in degenerate if row["answer"] not in row["allowed"]]
+        words["degenerate logs, right"] = f"{len(degenerate) - len(wrong)} of {len(degenerate)}"
+        words |= {f"wrong, {row['kind']}": f"{row['answer']} {row['reason']}" for row in wrong}
+    if calibration := rows.get("calibration"):
+        p = [row["p"] for row in calibration if "p" in row]
+        words["calibration"] = f"Kolmogorov-Smirnov p = {kstest(p, 'uniform').pvalue:.3g} of {len(p)} runs"
+    return words
+
+
+def exactness(facts: Sequence[Row], truths: Sequence[Row]) -> dict[str, str]:
+    """Return in words how exact the numbers are."""
+    inside: list[bool] = []
+    worst: dict[str, float] = {}
+    late = 0.0
+    for fit, truth in zip(facts, truths, strict=True):
+        for name, (value, half_width) in fit["estimates"].items():
+            true = truth["numbers"][name]
+            inside.append(abs(value - true) <= half_width)
+            worst[name] = max(worst.get(name, 0.0), abs(value - true) / abs(true))
+            if name == DEAD_TIME:
+                late = max(late, abs(value - true) / truth["size"] ** 0.5)
+    words = {
+        "converged": f"{sum(fit['converged'] for fit in facts)} of {len(facts)}",
+        "numbers inside their intervals": f"{sum(inside)} of {len(inside)}",
+    }
+    words |= {f"largest error of {name}": f"{100.0 * error:.2f} %" for name, error in worst.items()}
+    return words | {"largest error of the dead time": f"{1e6 * late:.0f} µs, over the root of the size"}
+
+
+def alarms(rows: Sequence[Row]) -> dict[str, str]:
+    """Return in words how often runs of each kind are not covered."""
+    kinds: dict[str, list[str]] = {}
+    for row in rows:
+        kinds.setdefault(row["kind"], []).append(row["answer"])
+    words = {f"not covered, {kind}": f"{a.count(NOT_COVERED)} of {len(a)}" for kind, a in kinds.items()}
+    unchanged = kinds.get(UNCHANGED, [])
+    low = binomtest(unchanged.count(NOT_COVERED), len(unchanged)).proportion_ci(0.95).low
+    words["rate of false alarms"] = "as allowed" if low <= LEVEL else f"above {100.0 * low:.1f} %"
+    false = [r for r in rows if r["kind"] != UNCHANGED and r["answer"] == COVERED and is_off(r, r["band"])]
+    return words | {"false covered": str(len(false))}
+
+
+def is_off(row: Row, allowed: float) -> bool:
+    """Return whether the true error of a run exceeds what is allowed more than twice."""
+    return row["error"] is None or bool(row["error"] > DECISIVE * allowed)
+
+
+def tolerance_summary(rows: Sequence[Row]) -> dict[str, str]:
+    """Return in words how often answers with a tolerance are right."""
+    clean = [row for row in rows if row["kind"] == UNCHANGED]
+    decisive = [row for row in rows if row["kind"] != UNCHANGED and is_off(row, row["tolerance"])]
+    good = (COVERED, WITHIN_TOLERANCE)
+    fast = [row for row in rows if row.get("samples", 0.0) >= ENOUGH_SAMPLES]
+    false_within = [
+        row
+        for row in rows
+        if row["answer"] == WITHIN_TOLERANCE and (row["error"] is None or row["error"] > row["tolerance"])
+    ]
+    false_covered = [
+        row
+        for row in rows
+        if row["kind"] != UNCHANGED and row["answer"] == COVERED and is_off(row, row["band"])
+    ]
+    decided = sum(row["answer"] != NOT_DECIDED for row in fast)
+    return {
+        "unchanged and within": f"{sum(row['answer'] in good for row in clean)} of {len(clean)}",
+        "changed by twice the tolerance and not covered": (
+            f"{sum(row['answer'] == NOT_COVERED for row in decisive)} of {len(decisive)}"
+        ),
+        "false within": str(len(false_within)),
+        "false covered": str(len(false_covered)),
+        "decided of logs that are fast enough": f"{decided} of {len(fast)}",
+    }
+
+
+if __name__ == "__main__":
+    main()
