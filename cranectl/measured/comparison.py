@@ -85,11 +85,6 @@ class ReadingsComparison:
         """Mean square of the ratio: 1 for a model without error, more for differences that last."""
         return float(np.mean(np.square(self.ratio)))
 
-    @property
-    def largest(self) -> float:
-        """Largest difference at any time [m]."""
-        return float(np.nanmax(np.abs(self.difference)))
-
 
 def compare_readings(
     experiment: Experiment, predicted: Array, deviation: Array, values: Mapping[str, float]

@@ -222,8 +222,8 @@ class Experiment:
         """Return by how much an angle, 0 or 1, may swing at the start [rad], as far as one can tell."""
         return max(REST_SWING, 2.0 * float(np.ptp(self.readings[: self.still_samples(), 3 + k])))
 
-    def predicted(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
-        """Return the readings (N, 5) that a crane with these numbers gives on a plant; NaN after its end."""
+    def predicted(self, values: Mapping[str, float], own: Array) -> Array:
+        """Return the readings (N, 5) that a crane with these numbers gives; NaN after its end."""
         rig = rig_with(self.rig, values)
         offset = rig.effects.installation.rope_offset
         zeros = np.zeros(5)
@@ -244,10 +244,9 @@ class Experiment:
             commands = commands.copy()
             commands[:, 2] -= offset
         scenario = crane_scenario(self.run.scenario, rig, self.replay)
-        if plant == MODEL:
-            scenario = with_longer_steps(scenario, self.run.drive if self.replay == "commands" else "ideal")
+        scenario = with_longer_steps(scenario, self.run.drive if self.replay == "commands" else "ideal")
         simulated = simulate_replay(
-            self.run, plant, self.replay, scenario=scenario, commands=commands, initial=start
+            self.run, MODEL, self.replay, scenario=scenario, commands=commands, initial=start
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
         state = simulated.block(STATE.name)
@@ -279,9 +278,13 @@ class Experiment:
         values: Array = readings[self.rows][:, self.channels] / self.noise[self.channels]
         return values.ravel()
 
-    def residuals(self, values: Mapping[str, float], own: Array, plant: str = MODEL) -> Array:
+    def residuals(self, values: Mapping[str, float], own: Array) -> Array:
         """Return measured minus predicted readings at the compared rows, in units of noise (M,)."""
-        return np.nan_to_num(self.weighted(self.readings - self.predicted(values, own, plant)), nan=1e3)
+        return self.residuals_of(self.predicted(values, own))
+
+    def residuals_of(self, predicted: Array) -> Array:
+        """Return measured minus `predicted` readings (N, 5) at the compared rows, in units of noise (M,)."""
+        return np.nan_to_num(self.weighted(self.readings - predicted), nan=1e3)
 
 
 def stuck_angle(rig: RigParameters, rope: float) -> float:

@@ -30,23 +30,23 @@ class LeastSquares:
     def values(self, common: Array) -> dict[str, float]:
         return {u.name: float(z * u.scale) for u, z in zip(self.unknowns, common, strict=True)}
 
-    def residuals(self, k: int, common: Array, own: Array) -> Array:
+    def predicted(self, k: int, common: Array, own: Array) -> Array:
         experiment = self.experiments[k]
-        return experiment.residuals(self.values(common), own * experiment.own_scale)
+        return experiment.predicted(self.values(common), own * experiment.own_scale)
 
     def jacobian(
-        self, k: int, common: Array, own: Array, base: Array | None = None
+        self, k: int, common: Array, own: Array, predicted: Array | None = None
     ) -> tuple[Array, Array, Array]:
         """Return residuals of run k, and their derivatives by the common and by its own numbers.
 
-        `base` are the residuals, if they are known.
+        `predicted` are the readings that these numbers give, if they are known.
         """
-        base = self.residuals(k, common, own) if base is None else base
-        shifts = FITTING_STEP * np.eye(len(common))
-        by_common = [(self.residuals(k, common + shift, own) - base) / FITTING_STEP for shift in shifts]
-        experiment = self.experiments[k]
-        values, own = self.values(common), own * experiment.own_scale
-        slopes = experiment.own_slopes(values, own, experiment.predicted(values, own))
+        experiment, shifts = self.experiments[k], FITTING_STEP * np.eye(len(common))
+        predicted = self.predicted(k, common, own) if predicted is None else predicted
+        base = experiment.residuals_of(predicted)
+        moved = (experiment.residuals_of(self.predicted(k, common + shift, own)) for shift in shifts)
+        by_common = [(residuals - base) / FITTING_STEP for residuals in moved]
+        slopes = experiment.own_slopes(self.values(common), own * experiment.own_scale, predicted)
         by_own = [
             -experiment.weighted(slope) * scale
             for slope, scale in zip(slopes, experiment.own_scale, strict=True)
@@ -80,18 +80,19 @@ class LeastSquares:
             common, *own = np.split(z, sizes[:-1])
             return common, own
 
-        bases: list[Array] = []  # residuals of each run at the numbers that were tried last
+        tried: list[Array] = []  # predicted readings of each run at the numbers that were tried last
         first = self.parts  # slopes at the start: dropped numbers hardly change them
 
         def residuals(z: Array) -> Array:
             common, own = split(z)
-            bases[:] = [self.residuals(k, common, o) for k, o in enumerate(own)]
-            return np.concatenate(bases)
+            tried[:] = [self.predicted(k, common, o) for k, o in enumerate(own)]
+            pairs = zip(self.experiments, tried, strict=True)
+            return np.concatenate([experiment.residuals_of(readings) for experiment, readings in pairs])
 
         def jacobian(z: Array) -> Array:  # at the numbers that were tried last, as least_squares asks
             nonlocal first
             common, own = split(z)
-            parts = first or [self.jacobian(k, common, o, bases[k]) for k, o in enumerate(own)]
+            parts = first or [self.jacobian(k, common, o, tried[k]) for k, o in enumerate(own)]
             first = []
             _, by_common, by_own = zip(*parts, strict=True)
             return np.hstack([np.vstack(by_common), block_diag(*by_own)])
@@ -141,8 +142,7 @@ class LeastSquares:
             # Each place at which an axis rests has its own rounding error, so fitted places are rounded.
             fitted = (experiment.weighted(experiment.readings) - base).reshape(len(experiment.rows), -1)
             fitted = fitted * experiment.noise[experiment.channels]
-            own, _ = np.linalg.qr(by_own)
-            reduced = by_common - own @ (own.T @ by_common)
+            reduced = without_own(by_common, by_own)
             for draw in range(ENCODER_DRAWS):
                 exact = fitted + steps * rng.uniform(size=len(steps))
                 drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps
@@ -178,11 +178,15 @@ class LeastSquares:
 def reduced_equations(base: Array, by_common: Array, by_own: Array) -> tuple[Array, Array]:
     """Return the normal equations of a run for the P common numbers, with its Q own numbers eliminated.
 
-    `base` (M,) or (M, D) are residuals in units of noise, of one or D sets of readings. `by_common` (M, P)
-    and `by_own` (M, Q) are their derivatives. The result is the matrix (P, P) and the negative right sides
-    (P,) or (P, D).
+    `base` (M,) are residuals in units of noise. `by_common` (M, P) and `by_own` (M, Q) are their derivatives.
+    The result is the matrix (P, P) and the negative right side (P,).
     """
+    reduced = without_own(by_common, by_own)
+    return reduced.T @ reduced, reduced.T @ base
+
+
+def without_own(by_common: Array, by_own: Array) -> Array:
+    """Return the part of derivatives (M, P) by common numbers that a run's own numbers cannot make up for."""
     own, _ = np.linalg.qr(by_own)
-    by_common = by_common - own @ (own.T @ by_common)
-    base = base - own @ (own.T @ base)
-    return by_common.T @ by_common, by_common.T @ base
+    part: Array = by_common - own @ (own.T @ by_common)
+    return part

@@ -71,8 +71,9 @@ def predict_with_errors(
     own, gain, of_start, base, own_slopes = _estimated_start(experiment, values)
     curvature = _rope_curvature(experiment, values, own, base, own_slopes)
     slopes = np.concatenate([_number_slopes(experiment, values, errors, own, base), own_slopes])
+    slopes = np.nan_to_num(slopes)  # of a prediction that has ended: its differences are infinite anyway
     numbers, starts = len(errors.names), len(own)
-    own_means = [block_means(slope, block)[:, shown] for slope in own_slopes]
+    own_means = [block_means(slope, block)[:, shown] for slope in slopes[numbers:]]
     bend = block_means(curvature, block)[:, shown]
     load_slopes = _load_slopes(experiment, base, own, values)
 
@@ -97,13 +98,10 @@ def predict_with_errors(
     weights = np.vstack(
         [joined(errors.known, of_start), joined(errors.spread, np.zeros((0, starts)))]
     )  # (R, P + Q)
-    modes = [
-        block_means(np.nan_to_num(np.tensordot(weight, slopes, axes=1)), block)[:, shown]
-        for weight in weights
-    ]
+    modes = [block_means(np.tensordot(weight, slopes, axes=1), block)[:, shown] for weight in weights]
     if ROPE_ZERO in errors.names:  # a longer rope, with the same reading
         slopes[errors.names.index(ROPE_ZERO), :, 2] -= 1.0
-    loads = np.nan_to_num(np.einsum("pnc,ncx->pnx", slopes, load_slopes))
+    loads = np.einsum("pnc,ncx->pnx", slopes, load_slopes)
     all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
     shares = np.tensordot(all_weights, loads, axes=1)  # (R + Q, N, 3)
     covariance = np.einsum("rnx,rny->nxy", shares, shares)

@@ -1,5 +1,6 @@
 """The answers of a verdict on cranes of a simulator of its own, whose truth is known."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from cranectl.report.measured import asides, explanation
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from tests.measured.hidden import LAB, NUMBERS, with_sensing, with_signal
-from tests.measured.simulator import Defects, Truth, hidden_run
+from tests.measured.simulator import NO_DEFECTS, Defects, Truth, hidden_run
 
 SOFT = Defects(frame_hertz=10.0, backlash=2e-4)  # none of which the models have
 SLOW = 0.02  # [s] of samples, about as a controller of machines logs
@@ -103,10 +104,10 @@ def test_a_log_with_too_few_samples_of_a_swing_is_not_decided(exact: Fit) -> Non
     assert "the log is too slow" in explanation(verdict, None)
 
 
-def still_run(seed: int = 60, **options: float) -> Run:
+def still_run(defects: Defects = NO_DEFECTS) -> Run:
     """A run whose drives get no set-points."""
     start = np.array([np.mean(ends) for ends in LAB.workspace])
-    run, _ = hidden_run(LAB, NUMBERS, seed, motion=(start, np.zeros((1500, 3))), **options)  # type: ignore[arg-type]
+    run, _ = hidden_run(LAB, NUMBERS, 60, motion=(start, np.zeros((1500, 3))), defects=defects)
     return run
 
 
@@ -117,7 +118,7 @@ def test_a_log_in_which_nothing_moves_decides_nothing(exact: Fit) -> None:
 
 
 def test_a_load_that_moves_though_nothing_was_asked_for_is_not_covered(exact: Fit) -> None:
-    assert verdict_on(still_run(defects=Defects(gust=1.5)), exact).answer == NOT_COVERED  # type: ignore[arg-type]
+    assert verdict_on(still_run(Defects(gust=1.5)), exact).answer == NOT_COVERED
 
 
 def test_channels_that_hardly_move_are_named(exact: Fit) -> None:
@@ -170,6 +171,17 @@ def test_an_optimiser_that_failed_decides_nothing(exact: Fit) -> None:
     verdict = verdict_on(run, replace(exact, converged=False))
     assert verdict.answer == NOT_DECIDED
     assert "did not finish" in verdict.reason
+
+
+def test_a_prediction_that_ends_early_is_told_and_has_no_number_that_json_lacks(exact: Fit) -> None:
+    """Drives that are predicted to move ten times as far throw the load over the trolley."""
+    wild = {**exact.values, "effects.installation.drive_gain.0": 10.0}
+    run, _ = hidden_run(LAB, NUMBERS, 60)
+    verdict = verdict_on(run, replace(exact, values=wild))
+    assert np.isnan(verdict.load.predicted).any()
+    assert verdict.answer == NOT_COVERED
+    assert "the prediction ended at" in explanation(verdict, None)
+    assert json.loads(json.dumps(verdict.to_json(), allow_nan=False))["largest_m"] is None
 
 
 def test_the_noise_of_a_reading_is_allowed_for_once(exact: Fit) -> None:

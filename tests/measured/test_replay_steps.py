@@ -55,9 +55,9 @@ def test_no_prediction_is_made_twice(clean: Run, monkeypatch: pytest.MonkeyPatch
     made: Counter[tuple[Any, ...]] = Counter()
     predicted = Experiment.predicted
 
-    def counted(self: Experiment, values: dict[str, float], own: Any, *plant: str) -> Any:
-        made[*values.values(), *own, *plant] += 1
-        return predicted(self, values, own, *plant)
+    def counted(self: Experiment, values: dict[str, float], own: Any) -> Any:
+        made[*values.values(), *own] += 1
+        return predicted(self, values, own)
 
     monkeypatch.setattr(Experiment, "predicted", counted)
     first = {name: NUMBERS[name] for name in NUMBERS if "time_constant" not in name}
