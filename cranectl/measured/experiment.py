@@ -150,7 +150,9 @@ class Experiment:
     def still_samples(self) -> int:
         """Return how many samples pass before the axes are moved, at least one."""
         if self.replay == "commands":
-            moving = (self.commands != self.commands[0]).any(axis=1)
+            # A controller that holds the axes commands small speeds, which the prediction repeats.
+            limits = REST_SPEED * np.array(self.rig.effects.limits.velocity)
+            moving = (np.abs(self.commands[:, :3] - self.commands[0, :3]) > limits).any(axis=1)
         else:
             steps, _ = encoders_of(self.rig)  # readings of an axis at rest stay within these
             allowed = STILL_STEPS * steps[:3] + STILL_NOISE * self.still_noise[:3]
@@ -259,18 +261,23 @@ class Experiment:
         readings[:, 3:] = values.get(ANGLE_SCALE, 1.0) * readings[:, 3:] + zeros[3:]
         return readings
 
-    def own_slopes(self, values: Mapping[str, float], own: Array, base: Array) -> Array:
-        """Return the derivatives (Q, N, 5) of predicted readings `base` by this run's own numbers, (Q,)."""
+    def own_slopes(
+        self, values: Mapping[str, float], own: Array, base: Array, steps: Array | None = None
+    ) -> Array:
+        """Return the derivatives (Q, N, 5) of predicted readings `base` by this run's own numbers, (Q,).
+
+        The numbers are changed by `steps` (Q,), or by their scales.
+        """
         slopes = np.zeros((len(own), *base.shape))
         channels = range(5)[self.channels]
-        for j, scale in enumerate(self.own_scale):
+        for j, step in enumerate(self.own_scale if steps is None else steps):
             channel = channels[j] if j < self.compared else None
             if channel is not None and (channel < 2 or (channel > 2 and self.at_rest)):
                 slopes[j, :, channel] = 1.0  # it only shifts the readings
             else:
                 moved = own.copy()
-                moved[j] += scale
-                slopes[j] = (self.predicted(values, moved) - base) / scale
+                moved[j] += step
+                slopes[j] = (self.predicted(values, moved) - base) / step
         return slopes
 
     def weighted(self, readings: Array) -> Array:

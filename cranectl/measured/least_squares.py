@@ -1,6 +1,7 @@
 """The least-squares problem of an identification, and what errors of readings make of its solution."""
 
 from collections.abc import Iterator, Sequence
+from math import sqrt
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -9,11 +10,16 @@ from scipy.optimize import least_squares
 from cranectl.measured.experiment import CHANNELS, Experiment, Unknown, encoders_of
 from cranectl.support.arrays import Array, Mask
 
-FITTING_STEP = 1e-3  # of a number's scale: smaller differences see the corners of friction
+FITTING_STEP = 1e-3  # of a number's scale, by which it is changed first to see its effect
+STEP_DEVIATIONS = 5.0  # by which it is changed then: over longer steps slopes bend, and the fit ends beside
+LEAST_STEP = 1e-7  # of a scale
 MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 ENCODER_DRAWS = 200  # of readings, from which the covariance of encoders is computed
-MAX_FIT_STEPS = 40  # of the fit
+MAX_SLOPES = 30  # sets of slopes of a fit
+STEPS_WITH_SLOPES = 15  # with one set
+CLOSE_ENOUGH = 0.3  # standard deviations by which new slopes may still move the numbers, all together
+LEAST_CHANGE = 0.05  # of half the sum of squares, in units of their mean
 
 
 class LeastSquares:
@@ -24,6 +30,8 @@ class LeastSquares:
         self.dropped: list[Unknown] = []
         self.common = np.array([u.start / u.scale for u in self.unknowns])
         self.own = [e.first_own() / e.own_scale for e in self.experiments]
+        self.steps = np.full(len(self.common), FITTING_STEP)  # of slopes, in scales
+        self.own_steps = [np.ones(len(own)) for own in self.own]
         self.misfit, self.done = np.inf, False  # mean square of all residuals in units of noise
         self.parts: list[tuple[Array, Array, Array]] = []
 
@@ -34,23 +42,17 @@ class LeastSquares:
         experiment = self.experiments[k]
         return experiment.predicted(self.values(common), own * experiment.own_scale)
 
-    def jacobian(
-        self, k: int, common: Array, own: Array, predicted: Array | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Return residuals of run k, and their derivatives by the common and by its own numbers.
-
-        `predicted` are the readings that these numbers give, if they are known.
-        """
-        experiment, shifts = self.experiments[k], FITTING_STEP * np.eye(len(common))
-        predicted = self.predicted(k, common, own) if predicted is None else predicted
+    def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
+        """Return residuals of run k, and their derivatives by the common and by its own numbers."""
+        experiment, scale = self.experiments[k], self.experiments[k].own_scale
+        predicted = self.predicted(k, common, own)
         base = experiment.residuals_of(predicted)
-        moved = (experiment.residuals_of(self.predicted(k, common + shift, own)) for shift in shifts)
-        by_common = [(residuals - base) / FITTING_STEP for residuals in moved]
-        slopes = experiment.own_slopes(self.values(common), own * experiment.own_scale, predicted)
-        by_own = [
-            -experiment.weighted(slope) * scale
-            for slope, scale in zip(slopes, experiment.own_scale, strict=True)
-        ]
+        moved = (
+            experiment.residuals_of(self.predicted(k, common + shift, own)) for shift in np.diag(self.steps)
+        )
+        by_common = [(residuals - base) / step for residuals, step in zip(moved, self.steps, strict=True)]
+        slopes = experiment.own_slopes(self.values(common), own * scale, predicted, self.own_steps[k] * scale)
+        by_own = [-experiment.weighted(slope) * scale for slope, scale in zip(slopes, scale, strict=True)]
         by_own = np.nan_to_num(np.array(by_own)).T
         return base, np.array(by_common).reshape(len(common), -1).T, by_own
 
@@ -69,50 +71,65 @@ class LeastSquares:
     def _keep(self, kept: Mask) -> None:
         self.dropped += [u for u, keep in zip(self.unknowns, kept, strict=True) if not keep]
         self.unknowns = [u for u, keep in zip(self.unknowns, kept, strict=True) if keep]
-        self.common = self.common[kept]
+        self.common, self.steps = self.common[kept], self.steps[kept]
         self.parts = [(base, by_common[:, kept], by_own) for base, by_common, by_own in self.parts]
 
     def solve(self) -> None:
-        """Find the numbers of least squares, and reduce the equations there."""
-        sizes = np.cumsum([len(self.common), *map(len, self.own)])
+        """Find the numbers of least squares, and reduce the equations there.
 
-        def split(z: Array) -> tuple[Array, list[Array]]:
-            common, *own = np.split(z, sizes[:-1])
-            return common, own
-
-        tried: list[Array] = []  # predicted readings of each run at the numbers that were tried last
-        first = self.parts  # slopes at the start: dropped numbers hardly change them
-
-        def residuals(z: Array) -> Array:
-            common, own = split(z)
-            tried[:] = [self.predicted(k, common, o) for k, o in enumerate(own)]
-            pairs = zip(self.experiments, tried, strict=True)
-            return np.concatenate([experiment.residuals_of(readings) for experiment, readings in pairs])
-
-        def jacobian(z: Array) -> Array:  # at the numbers that were tried last, as least_squares asks
-            nonlocal first
-            common, own = split(z)
-            parts = first or [self.jacobian(k, common, o, tried[k]) for k, o in enumerate(own)]
-            first = []
-            _, by_common, by_own = zip(*parts, strict=True)
-            return np.hstack([np.vstack(by_common), block_diag(*by_own)])
-
-        lows = [u.low / u.scale for u in self.unknowns]
-        low = np.concatenate([lows, np.full(sizes[-1] - sizes[0], -np.inf)])
-        start = np.concatenate([np.maximum(self.common, low[: sizes[0]] + 1e-6), *self.own])
-        solution = least_squares(
-            residuals, start, jac=jacobian, bounds=(low, np.inf), xtol=1e-4, ftol=1e-4, max_nfev=MAX_FIT_STEPS
-        )
-        self.common, self.own = split(solution.x)
-        self.done = bool(solution.success)
-        ends = np.cumsum([len(e.rows) * e.compared for e in self.experiments])[:-1]
-        self.parts = [
-            (base, whole[:, : sizes[0]], whole[:, sizes[k] : sizes[k + 1]])
-            for k, (base, whole) in enumerate(
-                zip(np.split(solution.fun, ends), np.split(solution.jac, ends), strict=True)
-            )
-        ]
+        Slopes cost twenty times what residuals cost. So each set of slopes serves several steps, and the fit
+        ends where new slopes lead to no better place.
+        """
+        self.done = False
+        for _ in range(MAX_SLOPES):
+            self.reduce()
+            self.done = self._distance() < CLOSE_ENOUGH
+            if self.done:
+                break
+            self._choose_steps()
+            change = self._step()
+            self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
+            if change < LEAST_CHANGE * max(self.misfit, 1.0):  # a load that hardly swings, and then sticks
+                self.done = True
+                break
         self.reduce()
+
+    def _distance(self) -> float:
+        """Return by how many standard deviations the linear equations would move the common numbers."""
+        pull = sum((pull for _, pull in self.normal), np.zeros(len(self.common)))
+        return sqrt(float(pull @ self.inverse @ pull) / max(self.misfit, 1.0))
+
+    def _choose_steps(self) -> None:
+        """Choose by how much numbers are changed for the next slopes: a few deviations, with others known."""
+        squares = sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts)
+        self.steps = (STEP_DEVIATIONS / np.sqrt(squares)).clip(LEAST_STEP, FITTING_STEP)
+        for k, (_, _, by_own) in enumerate(self.parts):
+            sizes = np.linalg.norm(by_own, axis=0).clip(min=1e-9)
+            self.own_steps[k] = (STEP_DEVIATIONS / sizes).clip(LEAST_STEP, 1.0)
+
+    def _step(self) -> float:
+        """Move to better numbers that the slopes lead to; return by how much half the squares shrink."""
+        ends = np.cumsum([len(self.common), *map(len, self.own)])[:-1]
+        _, by_common, by_own = zip(*self.parts, strict=True)
+        axes, slanted = np.linalg.qr(np.hstack([np.vstack(by_common), block_diag(*by_own)]))
+        slopes = np.vstack([slanted, np.zeros(slanted.shape[1])])
+
+        def residuals(z: Array) -> Array:  # along the slopes, and the length of the rest
+            common, *own = np.split(z, ends)
+            runs = enumerate(zip(self.experiments, own, strict=True))
+            whole = np.concatenate([e.residuals_of(self.predicted(k, common, o)) for k, (e, o) in runs])
+            along = axes.T @ whole
+            return np.append(along, sqrt(max(whole @ whole - along @ along, 0.0)))
+
+        lows = np.array([u.low / u.scale for u in self.unknowns])
+        low = np.concatenate([lows, np.full(len(slanted) - len(lows), -np.inf)])
+        start = np.concatenate([np.maximum(self.common, lows + 1e-6), *self.own])
+        solution = least_squares(
+            residuals, start, jac=lambda _: slopes, bounds=(low, np.inf), max_nfev=STEPS_WITH_SLOPES
+        )
+        self.common, *self.own = np.split(solution.x, ends)
+        before = 0.5 * sum(float(base @ base) for base, _, _ in self.parts)
+        return before - float(solution.cost)
 
     def reduce(self) -> None:
         """Compute the normal equations of each run, misfit and deviations from the linearised equations."""

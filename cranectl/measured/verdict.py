@@ -227,7 +227,7 @@ def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
     """Return the answer for a run that can be decided, and the reason if the tolerance prevents it."""
     is_covered = verdict.is_covered
     if is_covered and not verdict.tested:
-        return NOT_DECIDED, "nothing moved, so nothing was tested"
+        return NOT_DECIDED, f"nothing moved by more than {MIN_TESTED_MOTION:g} times its band"
     if tolerance is None:
         return (COVERED if is_covered else NOT_COVERED), ""
     band = quantity(verdict.band, "m")

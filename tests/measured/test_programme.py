@@ -113,7 +113,7 @@ def test_coarse_encoders_are_predicted_to_leave_numbers_open() -> None:
     assert {e.name for e in fine} == NUMBERS.keys()
     coarse = Sensing(angle_resolution=0.05, angle_noise=0.02)
     wide, left_open = predict_estimates(runs, with_effects(LAB, sensing=coarse))
-    assert left_open == ("effects.friction.pivot_coulomb", "effects.friction.pivot_viscous")
+    assert left_open == ("effects.friction.pivot_viscous",)
     half = {e.name: e.half_width for e in fine}
     assert all(e.half_width > half[e.name] for e in wide if "rope_offset" in e.name or "pivot" in e.name)
 

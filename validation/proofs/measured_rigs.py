@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.measured.fit import fit_path, fit_text, read_fit
+from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
 from cranectl.measured.identification import identify
 from cranectl.measured.identified import rig_text
 from cranectl.measured.importing import LogSource, import_runs, sources_of
 from cranectl.measured.mapping import read_map
-from cranectl.measured.verdict import RunVerdict, judge
+from cranectl.measured.verdict import NOT_DECIDED, RunVerdict, answer_for, judge
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
+from cranectl.support.errors import InputError
 
 MAPS = Path(__file__).with_name("measured-rigs")
 TOLERANCES = (0.005, 0.010, 0.020)  # [m]
@@ -55,22 +56,33 @@ def half_results(rig: str, runs: Mapping[str, Run], half: int, scratch: Path) ->
     identified.write_text(rig_text(result, str(known), ", ".join(used)), encoding="utf-8")
     fit_path(identified).write_text(fit_text(result, fitted), encoding="utf-8")
     fit = read_fit(identified)
-    answers = {f"{1000 * size:g} mm": judge(new, fit, tolerance=size) for size in TOLERANCES}
+    verdicts = judged_runs(new, fit)
     return {
         "numbers": {e.name: {"value": e.value, "half_width": e.half_width} for e in result.estimates},
         "converged": result.converged,
         "misfit": result.misfit,
-        "runs": {
-            name: {
-                **distances(verdicts[0]),
-                "answers": {
-                    size: [verdict.answer, verdict.reason]
-                    for size, verdict in zip(answers, verdicts, strict=True)
-                },
-            }
-            for name, *verdicts in zip(new, *answers.values(), strict=True)
-        },
+        "runs": {verdict.name: {**distances(verdict), "answers": answers(verdict)} for verdict in verdicts},
+        "refused": [name for name in new if name not in {verdict.name for verdict in verdicts}],
     }
+
+
+def judged_runs(runs: Mapping[str, Run], fit: Fit) -> list[RunVerdict]:
+    """Return the verdicts of the runs that can be judged; those that begin in motion are refused."""
+    verdicts: list[RunVerdict] = []
+    for name, run in runs.items():
+        try:
+            verdicts += judge({name: run}, fit)
+        except InputError as error:
+            print(error.found)
+    return verdicts
+
+
+def answers(verdict: RunVerdict) -> dict[str, list[str]]:
+    """Return answer and reason with each tolerance."""
+    given = dict.fromkeys(TOLERANCES, (NOT_DECIDED, verdict.reason))
+    if not verdict.reason:
+        given = {size: answer_for(verdict, size) for size in TOLERANCES}
+    return {f"{1000 * size:g} mm": list(answer) for size, answer in given.items()}
 
 
 def distances(verdict: RunVerdict) -> dict[str, float]:

@@ -1,19 +1,22 @@
-"""Judge runs of hidden cranes in everyday cases: imperfect models, slow logs, starts that swing, odd logs.
+"""Identify hidden cranes, and judge new runs: how exact the numbers are, and how often answers are wrong.
 
-    .venv/bin/python -m validation.proofs.verdicts --truth      # hide cranes, by a new seed; commit it
-    .venv/bin/python -m validation.proofs.verdicts --jobs 2     # all parts, into verdicts.json
+    .venv/bin/python -m validation.proofs.verdicts --truth    # hide cranes, by a new seed; commit it
+    .venv/bin/python -m validation.proofs.verdicts --jobs 2   # all parts, into verdicts.json
     .venv/bin/python -m validation.proofs.verdicts --part exact --cranes 2
 
-The simulator shares nothing with the models (tests/measured/simulator.py). The truth is written before any
-run, and no part runs without it. What is in the file is not computed again; fits are kept in build/.
+Each crane has another size, from 1 to 25 times the laboratory rig's, and other numbers than those from which
+the fit starts. The simulator shares nothing with the models (tests/measured/simulator.py). The truth is
+written before any run, and no part runs without it. What is in the file is not computed again; fits are kept
+in build/.
 
-- exact: cranes that the models describe, from other numbers than the fit starts from; and nine changes
+- exact: cranes that the models describe; and nine changes of each
 - imperfect: each crane has some flaws that no model has; and nine changes of it
 - periods: the same from logs that are up to 20 times slower; a period of 100 ms is too slow for a swing of
   1.7 s. Periods grow with the root of the size, as swings do
 - starts: runs that begin with a swing of 0, 1 and 5 mrad
 - degenerate: logs that say nothing, or that were used
-- calibration: short unchanged runs, whose probabilities must be even from 0 to 1
+- calibration: unchanged runs of further cranes, whose probabilities must be even from 0 to 1. Runs of one
+  crane share the errors of its fit, so there are many cranes
 """
 
 import argparse
@@ -68,6 +71,7 @@ FEW_CHANGES = 3  # of the nine, in turn from crane to crane
 SLOW_PERIODS = (0.02, 0.05, 0.1)  # [s] on the laboratory rig, besides PERIOD
 SWINGS = (0.0, 0.001, 0.005)  # [rad] at the start
 USUAL_SWING = 0.001  # [rad] of imperfect cranes
+CALIBRATED, CALIBRATION_RUNS = 40, 5  # cranes, and judged runs of each
 SHORT = 8.0  # [s] of a run of the calibration, on the laboratory rig
 DECISIVE = 2.0  # times the tolerance or the band, from which a true difference must be found
 ENOUGH_SAMPLES = 20.0  # in a swing
@@ -247,8 +251,8 @@ def with_fit(done: tuple[Run, Truth], fitted: Fitted) -> tuple[Run, Fit, Truth]:
 
 def calibration_part(crane: Crane, k: int, folder: Path) -> Row:
     """Judge short unchanged runs of an exact crane."""
-    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
-    kinds: list[tuple[str, Row]] = [(UNCHANGED, {"seconds": SHORT})] * EXACT_UNCHANGED
+    fitted = Fitted(crane, k, folder, "short", NO_DEFECTS, seconds=SHORT)
+    kinds: list[tuple[str, Row]] = [(UNCHANGED, {"seconds": SHORT})] * CALIBRATION_RUNS
     return {"rows": [row for row, _ in fitted.judged(600, kinds)]}
 
 
@@ -270,7 +274,7 @@ def run_part(part: str, k: int, crane: Row, folder: Path) -> tuple[int, Row]:
 def hide(seed: int, out: Path) -> None:
     """Write the truth of new cranes, in place of all results."""
     with TemporaryDirectory() as folder:
-        cranes = [drawn_crane(seed, k, Path(folder)).to_json() for k in range(CRANES)]
+        cranes = [drawn_crane(seed, k, Path(folder)).to_json() for k in range(CALIBRATED)]
     write({"seed": seed, "cranes": cranes, "parts": {}}, out)
 
 
@@ -307,7 +311,9 @@ def main() -> None:
     parser.add_argument("--truth", action="store_true", help="hide new cranes; the old results are lost")
     parser.add_argument("--seed", type=int, help="of --truth; by default one that nobody knows before")
     parser.add_argument("--part", choices=PARTS, action="append", help="by default all")
-    parser.add_argument("--cranes", type=int, default=CRANES, help="how many of them")
+    parser.add_argument(
+        "--cranes", type=int, help=f"how many of them; by default {CRANES}, and {CALIBRATED} for calibration"
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, default=DATA)
     arguments = parser.parse_args()
@@ -322,7 +328,8 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
         for part in arguments.part or PARTS:  # in turn, since parts of a crane share its fits
             done = data["parts"].get(part, {})
-            missing = [k for k in range(arguments.cranes) if str(k) not in done]
+            cranes = arguments.cranes or (CALIBRATED if part == "calibration" else CRANES)
+            missing = [k for k in range(cranes) if str(k) not in done]
             tasks = [pool.submit(run_part, part, k, data["cranes"][k], folder) for k in missing]
             for task in as_completed(tasks):
                 k, facts = task.result()
