@@ -6,17 +6,23 @@ from math import pi, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from cranectl.measured.assembly import rate_samples
-from cranectl.measured.replay import Replay, measured_motion, simulate_replay, with_longer_steps
+from cranectl.measured.replay import (
+    Replay,
+    crane_scenario,
+    measured_motion,
+    positions_before,
+    simulate_replay,
+    with_longer_steps,
+)
 from cranectl.measured.responses import white_noise
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import length_scale
 from cranectl.signals import STATE
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
+from cranectl.support.arrays import Array, Mask
 from cranectl.support.errors import InputError
 
 MODEL = "elastic"  # the plant that is fitted
@@ -152,11 +158,12 @@ class Experiment:
         if self.replay == "commands":
             # A controller that holds the axes commands small speeds, which the prediction repeats.
             limits = REST_SPEED * np.array(self.rig.effects.limits.velocity)
-            moving = (np.abs(self.commands[:, :3] - self.commands[0, :3]) > limits).any(axis=1)
+            beyond: Mask = np.abs(self.commands[:, :3] - self.commands[0, :3]) > limits
         else:
             steps, _ = encoders_of(self.rig)  # readings of an axis at rest stay within these
             allowed = STILL_STEPS * steps[:3] + STILL_NOISE * self.still_noise[:3]
-            moving = (np.abs(self.readings[:, :3] - self.readings[0, :3]) > allowed).any(axis=1)
+            beyond = np.abs(self.readings[:, :3] - self.readings[0, :3]) > allowed
+        moving: Mask = np.asarray(beyond.any(axis=1))
         return max(int(np.argmax(moving)), 1) if moving.any() else len(moving)
 
     def resting_start(self) -> Array:
@@ -318,23 +325,3 @@ def reading_noise(rig: RigParameters, mean_of: int = 1) -> Array:
     repeated = rounding * np.exp(-np.square(2.0 * np.pi * noise / steps))
     deviations: Array = np.sqrt(repeated + (noise**2 + rounding - repeated) / mean_of)
     return deviations.clip(min=1e-7)
-
-
-def positions_before(state: Array, late: float, period: float) -> Array:
-    """Return the positions (N, 5) of states (N, 10) `late` seconds before each, at most a period.
-
-    Between two samples they are cubics with the positions and rates of both.
-    """
-    position, rate, share = state[:, 0::2], state[:, 1::2], 1.0 - late / period
-    curves = CubicHermiteSpline(
-        np.arange(2.0), np.stack([position[:-1], position[1:]]), period * np.stack([rate[:-1], rate[1:]])
-    )
-    between: Array = np.vstack([position[:1] - late * rate[:1], curves(share)])
-    return between
-
-
-def crane_scenario(scenario: Scenario, rig: RigParameters, replay: Replay) -> Scenario:
-    """Return the scenario of a measured run for a crane with friction; moved axes feel none."""
-    none = {"viscous": (0.0, 0.0, 0.0)} | ({"coulomb": (0.0, 0.0, 0.0)} if replay == "motion" else {})
-    effects = scenario.effects.model_copy(update={"friction": rig.effects.friction.model_copy(update=none)})
-    return scenario.model_copy(update={"rig": rig, "effects": effects})

@@ -12,14 +12,14 @@ from cranectl.support.arrays import Array, Mask
 
 FITTING_STEP = 1e-3  # of a number's scale, by which it is changed first to see its effect
 STEP_DEVIATIONS = 5.0  # by which it is changed then: over longer steps slopes bend, and the fit ends beside
-LEAST_STEP = 1e-7  # of a scale
+MIN_SLOPE_STEP = 1e-7  # of a scale
 MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 ENCODER_DRAWS = 200  # of readings, from which the covariance of encoders is computed
 MAX_SLOPES = 30  # sets of slopes of a fit
 STEPS_WITH_SLOPES = 15  # with one set
 CLOSE_ENOUGH = 0.3  # standard deviations by which new slopes may still move the numbers, all together
-LEAST_CHANGE = 0.05  # of half the sum of squares, in units of their mean
+MIN_COST_CHANGE = 0.05  # of half the sum of squares, in units of their mean
 
 
 class LeastSquares:
@@ -89,7 +89,7 @@ class LeastSquares:
             self._choose_steps()
             change = self._step()
             self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
-            if change < LEAST_CHANGE * max(self.misfit, 1.0):  # a load that hardly swings, and then sticks
+            if change < MIN_COST_CHANGE * max(self.misfit, 1.0):  # a load that hardly swings, and then sticks
                 self.done = True
                 break
         self.reduce()
@@ -102,10 +102,10 @@ class LeastSquares:
     def _choose_steps(self) -> None:
         """Choose by how much numbers are changed for the next slopes: a few deviations, with others known."""
         squares = sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts)
-        self.steps = (STEP_DEVIATIONS / np.sqrt(squares)).clip(LEAST_STEP, FITTING_STEP)
+        self.steps = (STEP_DEVIATIONS / np.sqrt(squares)).clip(MIN_SLOPE_STEP, FITTING_STEP)
         for k, (_, _, by_own) in enumerate(self.parts):
             sizes = np.linalg.norm(by_own, axis=0).clip(min=1e-9)
-            self.own_steps[k] = (STEP_DEVIATIONS / sizes).clip(LEAST_STEP, 1.0)
+            self.own_steps[k] = (STEP_DEVIATIONS / sizes).clip(MIN_SLOPE_STEP, 1.0)
 
     def _step(self) -> float:
         """Move to better numbers that the slopes lead to; return by how much half the squares shrink."""

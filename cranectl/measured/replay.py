@@ -8,6 +8,7 @@ first measured state, or at rest.
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import savgol_filter
 
 from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
@@ -15,6 +16,7 @@ from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import longest_agreeing_step
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import longest_step
 from cranectl.signals import REFERENCE
 from cranectl.simulate import Plan, Run, simulate_run
@@ -101,3 +103,23 @@ def measured_motion(run: Run) -> Array:
         for order in range(3)
     ]
     return np.hstack(smooth)
+
+
+def positions_before(state: Array, late: float, period: float) -> Array:
+    """Return the positions (N, 5) of states (N, 10) `late` seconds before each, at most a period.
+
+    Between two samples they are cubics with the positions and rates of both.
+    """
+    position, rate, share = state[:, 0::2], state[:, 1::2], 1.0 - late / period
+    curves = CubicHermiteSpline(
+        np.arange(2.0), np.stack([position[:-1], position[1:]]), period * np.stack([rate[:-1], rate[1:]])
+    )
+    between: Array = np.vstack([position[:1] - late * rate[:1], curves(share)])
+    return between
+
+
+def crane_scenario(scenario: Scenario, rig: RigParameters, replay: Replay) -> Scenario:
+    """Return the scenario of a measured run for a crane with friction; moved axes feel none."""
+    none = {"viscous": (0.0, 0.0, 0.0)} | ({"coulomb": (0.0, 0.0, 0.0)} if replay == "motion" else {})
+    effects = scenario.effects.model_copy(update={"friction": rig.effects.friction.model_copy(update=none)})
+    return scenario.model_copy(update={"rig": rig, "effects": effects})

@@ -11,10 +11,10 @@ import pyarrow as pa
 from pyarrow import csv
 from scipy.interpolate import CubicHermiteSpline
 
-from cranectl.measured.experiment import CHANNELS, crane_scenario, encoders_of, rig_with, unknowns_of
+from cranectl.measured.experiment import CHANNELS, encoders_of, rig_with, unknowns_of
 from cranectl.measured.importing import import_files
 from cranectl.measured.mapping import MeasuredMap
-from cranectl.measured.replay import simulate_replay
+from cranectl.measured.replay import crane_scenario, simulate_replay
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters

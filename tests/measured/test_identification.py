@@ -11,9 +11,9 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
-from cranectl.measured.experiment import positions_before
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.identified import campaign_text, rig_text
+from cranectl.measured.replay import positions_before
 from cranectl.report.measured import remarks
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cranectl.measured import replay
-from cranectl.measured.experiment import Experiment, crane_scenario, rig_with, unknowns_of
+from cranectl.measured.experiment import Experiment, rig_with, unknowns_of
 from cranectl.measured.least_squares import LeastSquares, reduced_equations
-from cranectl.measured.replay import with_longer_steps
+from cranectl.measured.replay import crane_scenario, with_longer_steps
 from cranectl.scenario.effects import Rope
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run

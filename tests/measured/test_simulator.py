@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cranectl.measured.experiment import Experiment, crane_scenario, rig_with
-from cranectl.measured.replay import simulate_replay
+from cranectl.measured.experiment import Experiment, rig_with
+from cranectl.measured.replay import crane_scenario, simulate_replay
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from tests.measured.disguises import disguises
