@@ -1,8 +1,8 @@
 """Identify a crane: fit numbers of its drives, friction, rope and load to measured runs.
 
-The squared differences between measured and predicted readings are minimised by Levenberg and Marquardt's
-method. Readings are predicted with the plant `elastic`, from the measured commands, or from the measured
-motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
+The sum of squared differences between measured and predicted readings is minimised by Gauss-Newton steps
+within a trust region. Readings are predicted with the plant `elastic`, from the measured commands, or from
+the measured motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
 
 - the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
 - steps and noise of the encoders, from drawn readings that are rounded as encoders do; this part grows if

@@ -11,7 +11,7 @@ from cranectl.measured.experiment import CHANNELS, Experiment, Unknown, encoders
 from cranectl.support.arrays import Array, Mask
 
 FITTING_STEP = 1e-3  # of a number's scale, by which it is changed first to see its effect
-STEP_DEVIATIONS = 5.0  # by which it is changed then: over longer steps slopes bend, and the fit ends beside
+STEP_DEVIATIONS = 5.0  # by which it is changed then; slopes over far more differ from those at the numbers
 MIN_SLOPE_STEP = 1e-7  # of a scale
 MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
@@ -44,15 +44,16 @@ class LeastSquares:
 
     def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
         """Return residuals of run k, and their derivatives by the common and by its own numbers."""
-        experiment, scale = self.experiments[k], self.experiments[k].own_scale
+        experiment, own_scale = self.experiments[k], self.experiments[k].own_scale
         predicted = self.predicted(k, common, own)
         base = experiment.residuals_of(predicted)
         moved = (
             experiment.residuals_of(self.predicted(k, common + shift, own)) for shift in np.diag(self.steps)
         )
         by_common = [(residuals - base) / step for residuals, step in zip(moved, self.steps, strict=True)]
-        slopes = experiment.own_slopes(self.values(common), own * scale, predicted, self.own_steps[k] * scale)
-        by_own = [-experiment.weighted(slope) * scale for slope, scale in zip(slopes, scale, strict=True)]
+        own_steps = self.own_steps[k] * own_scale
+        slopes = experiment.own_slopes(self.values(common), own * own_scale, predicted, own_steps)
+        by_own = [-experiment.weighted(slope) * scale for slope, scale in zip(slopes, own_scale, strict=True)]
         by_own = np.nan_to_num(np.array(by_own)).T
         return base, np.array(by_common).reshape(len(common), -1).T, by_own
 
@@ -77,22 +78,21 @@ class LeastSquares:
     def solve(self) -> None:
         """Find the numbers of least squares, and reduce the equations there.
 
-        Slopes cost twenty times what residuals cost. So each set of slopes serves several steps, and the fit
-        ends where new slopes lead to no better place.
+        The derivatives cost about twenty times what residuals cost. So one set of them serves several steps,
+        and the fit ends where a new set would hardly move the numbers, or leads to no smaller residuals.
+        The latter happens with a load that hardly swings at the start and then sticks: its angle and its
+        rate there can hardly be told apart.
         """
+        self.reduce()
         self.done = False
         for _ in range(MAX_SLOPES):
-            self.reduce()
-            self.done = self._distance() < CLOSE_ENOUGH
+            self.done = self.done or self._distance() < CLOSE_ENOUGH
             if self.done:
                 break
             self._choose_steps()
-            change = self._step()
+            self.done = self._step() < MIN_COST_CHANGE * max(self.misfit, 1.0)
             self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
-            if change < MIN_COST_CHANGE * max(self.misfit, 1.0):  # a load that hardly swings, and then sticks
-                self.done = True
-                break
-        self.reduce()
+            self.reduce()
 
     def _distance(self) -> float:
         """Return by how many standard deviations the linear equations would move the common numbers."""
@@ -100,7 +100,10 @@ class LeastSquares:
         return sqrt(float(pull @ self.inverse @ pull) / max(self.misfit, 1.0))
 
     def _choose_steps(self) -> None:
-        """Choose by how much numbers are changed for the next slopes: a few deviations, with others known."""
+        """Choose by how much to change each number for its next slope: by a few deviations.
+
+        A deviation is that of a number if all others were known.
+        """
         squares = sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts)
         self.steps = (STEP_DEVIATIONS / np.sqrt(squares)).clip(MIN_SLOPE_STEP, FITTING_STEP)
         for k, (_, _, by_own) in enumerate(self.parts):

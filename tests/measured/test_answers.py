@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cranectl.measured.experiment import REST_SPEED, Experiment
 from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import COVERED, NOT_COVERED, NOT_DECIDED, WITHIN_TOLERANCE, RunVerdict, judge
@@ -208,3 +209,14 @@ def spoiled(run: Run, seed: int) -> Array:
 def test_noise_that_the_rig_does_not_state_is_no_cover(exact: Fit) -> None:
     run, _ = hidden_run(LAB, NUMBERS, 53)
     assert verdict_on(with_signal(run, "state.beta", spoiled(run, 3)), exact).answer == NOT_COVERED
+
+
+@pytest.mark.parametrize(("share", "still"), [(0.9 * REST_SPEED, 400), (1.1 * REST_SPEED, 1)])
+def test_a_controller_that_holds_the_axes_lets_them_rest(share: float, still: int) -> None:
+    """Its small commands are no motion, and their size decides."""
+    speeds = np.zeros((1000, 3))
+    speeds[1:400:2] = share * np.array(LAB.effects.limits.velocity)
+    speeds[400:] = 0.1
+    start = np.array([np.mean(ends) for ends in LAB.workspace])
+    run, _ = hidden_run(LAB, NUMBERS, 60, motion=(start, speeds))
+    assert Experiment(run, LAB, "commands", 1000).still_samples() == still

@@ -15,7 +15,7 @@ from cranectl.measured.experiment import CHANNELS
 from cranectl.measured.programme import recording_map
 from cranectl.measured.verdict import COVERED
 from cranectl.simulate import Run
-from tests.measured.hidden import COMMANDS
+from tests.measured.disguises import columns_of
 from tests.measured.test_many_logs import write_workbook
 
 Table = dict[str, "np.ndarray[tuple[int], np.dtype[np.float64]]"]
@@ -25,10 +25,9 @@ JUDGED = ["validate", "new.csv", "--map", "week.toml", "--rig", "identified.toml
 
 
 def table(run: Run) -> Table:
-    """The columns of a file from which a run was imported."""
-    readings = dict(zip(CHANNELS, run.block("state")[:, 0::2].T, strict=True))
-    commands = dict(zip(COMMANDS, run.block("command")[:, :3].T, strict=True))
-    return {"time": run.time, **readings, **commands}
+    """The columns of a file from which a run was imported, with the names of `recording_map`."""
+    columns = columns_of(run)
+    return {"time": columns.pop("t"), **columns}
 
 
 @pytest.fixture(scope="module")

@@ -75,7 +75,7 @@ def test_few_predictions_are_made_twice(clean: Run, monkeypatch: pytest.MonkeyPa
 
 
 def test_a_fit_ends_where_short_steps_show_no_better_place() -> None:
-    """Slopes over long steps bend where friction holds an axis, and a fit along them ends beside."""
+    """The derivatives here are central differences over one deviation, not those of the fit."""
     numbers = hidden_numbers(LAB, np.random.default_rng(2))
     runs = [hidden_run(LAB, numbers, seed, seconds=12.0)[0] for seed in range(2)]
     fit = LeastSquares(
@@ -92,11 +92,9 @@ def test_a_fit_ends_where_short_steps_show_no_better_place() -> None:
             common, own = np.split(z, [len(fit.common)])
             return experiment.residuals_of(fit.predicted(k, common, own))
 
-        z, sizes = (
-            np.concatenate([fit.common, fit.own[k]]),
-            np.linalg.norm(np.hstack([by_common, by_own]), axis=0),
-        )
-        shifts = np.diag(1.0 / sizes)  # a standard deviation, if the other numbers are known
+        z = np.concatenate([fit.common, fit.own[k]])
+        deviations = 1.0 / np.linalg.norm(np.hstack([by_common, by_own]), axis=0)  # if the others are known
+        shifts = np.diag(deviations)
         slopes = [(residuals(z + s) - residuals(z - s)) / (2.0 * s.max()) for s in shifts]
         common, own = np.split(np.array(slopes).T, [len(fit.common)], axis=1)
         equations.append(reduced_equations(base, common, own))

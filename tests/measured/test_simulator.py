@@ -32,12 +32,12 @@ ANY: dict[str, float | tuple[float, float]] = {  # a value of each defect
     "jitter": 1e-3, "angle_late": 0.01, "angle_scale": 1.02, "angle_twist": 0.01, "rope_scale": 1.01,
     "noisier": 2.0,
 }  # fmt: skip
-NEEDED: dict[str, dict[str, float]] = {  # another defect, without which one has no effect
-    "motor_share": {"backlash": 1e-3},
-    "frame_damping": {"frame_hertz": 9.0},
-    "hook_mass": {"hook_length": 0.06},
-    "rope_damping": {"rope_stiffness": 5e3},
-    "stribeck_speed": {"stribeck": 0.5},
+NEEDED = {  # another defect, without which one has no effect
+    "motor_share": Defects(backlash=1e-3),
+    "frame_damping": Defects(frame_hertz=9.0),
+    "hook_mass": Defects(hook_length=0.06),
+    "rope_damping": Defects(rope_stiffness=5e3),
+    "stribeck_speed": Defects(stribeck=0.5),
 }
 
 
@@ -132,7 +132,7 @@ def shown(defects: Defects) -> tuple[Run, Truth]:
 
 @pytest.mark.parametrize("name", [f.name for f in fields(Defects)])
 def test_each_defect_changes_the_run(name: str) -> None:
-    needed = Defects(**NEEDED.get(name, {}))  # type: ignore[arg-type]
+    needed = NEEDED.get(name, NO_DEFECTS)
     (usual, _), (run, truth) = shown(needed), shown(replace(needed, **{name: ANY[name]}))
     rows = min(len(usual.time_ns), len(run.time_ns))
     steps = np.array([*LAB.effects.sensing.position_resolution, *[LAB.effects.sensing.angle_resolution] * 2])
