@@ -45,11 +45,13 @@ class Set:
 
     modules: tuple[str, ...]  # with all that these import
     data: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()  # are left out, unless a module imports them
 
 
 # What is imported by a computed name, such as a command, is named here.
 PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many commands
 PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
+RESULTS = tuple(f"validation/{name}/**/*" for name in ("performance", "proofs", "thesis"))  # pages read them
 PAGES = ("docs/**/*", "examples/**/*", "*.md", "LICENSE", "CITATION.cff", "pyproject.toml")
 TOOLS = ("analysis", "campaign", "cases", "export", "fuzz", "live", "loaders", "measured", "render", "report")
 SETS = {
@@ -63,6 +65,7 @@ SETS = {
             "docs/how-to/live.md",
             "docs/pictures/run.png",
         ),
+        without=RESULTS,
     ),
     "docs": Set(
         modules=(*PACKAGE, "docs/**/*.py", "tests/**/*.py"),  # pages name tests
@@ -91,11 +94,17 @@ SETS = {
         data=("validation/benchmark/nmpc/*",),
     ),
     "processors": Set(
-        modules=(*PACKAGE, "tests/**/*.py"), data=("docs/reference/metrics.md", *PACKAGE_DATA, "tests/**/*")
+        modules=(*PACKAGE, "tests/**/*.py"),
+        data=("docs/reference/metrics.md", *PACKAGE_DATA, "tests/**/*"),
+        without=(
+            *RESULTS,
+            *(f"tests/{name}/**/*" for name in ("docs", "thesis", "drake", "live", "planning")),
+        ),
     ),
     "viewer": Set(
         modules=("viewer/*.py", "cranectl/**/*.py"),
         data=("viewer/*", *PACKAGE_DATA, "docs/how-to/foxglove.md", "docs/pictures/foxglove-*.png"),
+        without=RESULTS,
     ),
     "site": Set(modules=(*PACKAGE, "docs/**/*.py", "viewer/*.py"), data=("viewer/*", *PACKAGE_DATA, *PAGES)),
 }
@@ -200,7 +209,8 @@ def content_of(name: str) -> bytes:
 
 def files_of(each: Set) -> set[str]:
     """Return all files of a set, by their names below ROOT."""
-    return with_imported(matching(each.modules)) | matching(each.data + DATA)
+    without = matching(each.without)
+    return with_imported(matching(each.modules) - without) | (matching(each.data + DATA) - without)
 
 
 def matching(patterns: Iterable[str]) -> set[str]:

@@ -48,7 +48,7 @@ def proven(proven_module: ModuleType, tmp_path: Path, monkeypatch: pytest.Monkey
 def test_every_pattern_of_a_set_matches_files(proven_module: ModuleType) -> None:
     """A pattern without files, for example of a moved folder, would miss changes."""
     for test_set in proven_module.SETS.values():
-        for pattern in (*test_set.modules, *test_set.data, *proven_module.DATA):
+        for pattern in (*test_set.modules, *test_set.data, *test_set.without, *proven_module.DATA):
             assert proven_module.matching([pattern]), pattern
 
 
@@ -234,3 +234,11 @@ def test_a_set_that_reads_an_unlisted_file_fails(tmp_path: Path) -> None:
     result = run_with_list(tmp_path, [], "-m", "pytest", "-n", "0", "tests/support/test_patterns.py")
     assert result.returncode == 1
     assert "name these in SETS of .ci/proven.py: cranectl/__init__.py, " in result.stdout
+
+
+def test_what_is_left_out_counts_only_where_it_is_imported(proven: ModuleType) -> None:
+    patterns = ("tests/slow/*.py", "cranectl/*.py")
+    test_set = proven.Set(modules=patterns, without=("cranectl/rope.py", "cranectl/other.py"))
+    files = proven.files_of(test_set)
+    assert "cranectl/rope.py" in files, "swing.py imports it"
+    assert "cranectl/other.py" not in files
