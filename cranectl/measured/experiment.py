@@ -131,6 +131,7 @@ class Experiment:
         self.noise = reading_noise(rig)
         self.still_noise = self._still_noise()
         self.frequency = sqrt(rig.gravity / float(state[0, 4]))
+        self.swings = len(run.time_ns) * self.period * self.frequency / (2.0 * pi)  # in the run
         self.motion = self._first_motion()  # of axes that move at the start, in words
         self.at_rest = not self.motion
         shortest = 2.0 * pi * sqrt(max(float(self.readings[:, 2].min()), rig.rope_range[0]) / rig.gravity)

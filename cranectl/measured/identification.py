@@ -4,9 +4,9 @@ The sum of squared differences between measured and predicted readings is minimi
 within a trust region. Readings are predicted with the plant `elastic`, from the measured commands, or from
 the measured motion of bridge, trolley and rope. Each number has a 95 % interval with two parts:
 
-- the spread between runs (delete-one jackknife with one Gauss-Newton step for each run)
 - steps and noise of the encoders, from drawn readings that are rounded as encoders do; this part grows if
   the model misses the readings by more than noise
+- what the runs spread beyond that (delete-one jackknife with one Gauss-Newton step for each run)
 
 Viscous friction of a drive with velocity set-points cannot be told from a shorter time constant and a
 smaller gain. So these two are effective numbers, and viscous friction is zero.
@@ -27,14 +27,22 @@ from cranectl.measured.comparison import (
 )
 from cranectl.measured.experiment import Experiment, assumed_value, reading_noise, rig_with, unknowns_of
 from cranectl.measured.identity import check_all_differ
-from cranectl.measured.least_squares import FITTING_STEP, LeastSquares, reduced_equations
-from cranectl.measured.replay import Replay, default_replay
+from cranectl.measured.least_squares import (
+    CLOSE_ENOUGH,
+    FITTING_STEP,
+    ROUGHLY_ENOUGH,
+    LeastSquares,
+    reduced_equations,
+)
+from cranectl.measured.replay import Replay, default_replay, first_samples
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
 MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
+MANY_SWINGS = 16.0  # of a run, from which its first part is fitted first
+PARTS = 4  # into which it is cut
 MAX_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
 NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
@@ -50,7 +58,7 @@ class Estimate:
     unit: str
     value: float
     half_width: float
-    spread: float  # standard deviation between runs
+    spread: float  # standard deviation from a spread between runs that encoders do not explain
     encoders: float  # standard deviation from steps and noise of encoders
 
 
@@ -120,17 +128,33 @@ def identify(
     check_all_differ(runs)
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
-    experiments = [Experiment(run, rig, chosen, MAX_READINGS // len(runs)) for run in runs]
-    fit = LeastSquares(experiments, unknowns_of(rig, chosen))
-    fit.drop_without_effect()
+    fit = _fitted(runs, rig, chosen, progress)
     check_something_moves(fit)
-    progress(f"fitting {len(fit.unknowns)} numbers to {len(runs)} runs")
-    fit.solve()
-    while fit.drop_unidentifiable():
-        check_something_moves(fit)
-        progress(f"fitting {len(fit.unknowns)} numbers, without those that these runs leave open")
-        fit.solve()
     return _result(fit, rig, chosen)
+
+
+def _fitted(
+    runs: Sequence[Run], rig: RigParameters, replay: Replay, progress: Progress, part: str = ""
+) -> LeastSquares:
+    """Return the least squares of the runs; no number is left if nothing moves.
+
+    Over many swings a small error of the rope's length turns the load's phase by whole swings, and the sum of
+    squares has many minima. So the first parts of long runs are fitted first.
+    """
+    experiments = [Experiment(run, rig, replay, MAX_READINGS // len(runs)) for run in runs]
+    fit = LeastSquares(experiments, unknowns_of(rig, replay))
+    long = [experiment.swings > MANY_SWINGS for experiment in experiments]
+    if any(long):
+        pairs = zip(runs, long, strict=True)
+        parts = [first_samples(run, len(run.time_ns) // PARTS) if is_long else run for run, is_long in pairs]
+        fit.begin_at(_fitted(parts, rig, replay, progress, "the first part of "))
+    fit.drop_without_effect()
+    while fit.unknowns:
+        progress(f"fitting {len(fit.unknowns)} numbers to {part}{len(runs)} runs")
+        fit.solve(ROUGHLY_ENOUGH if part else CLOSE_ENOUGH)
+        if not fit.drop_unidentifiable():
+            break
+    return fit
 
 
 def check_something_moves(fit: LeastSquares) -> None:
@@ -143,8 +167,10 @@ def check_something_moves(fit: LeastSquares) -> None:
         )
 
 
-def estimates_of(fit: LeastSquares, between_runs: Array, of_encoders: Array) -> tuple[Estimate, ...]:
+def estimates_of(fit: LeastSquares, further: Array, of_encoders: Array) -> tuple[Estimate, ...]:
     """Return the numbers with their intervals, given two covariances in scales (P, P).
+
+    They are those of a further spread between runs, and of encoders, from which verdicts predict too.
 
     A misfit widens them: residuals that are larger than noise move the numbers more than noise does.
     """
@@ -152,7 +178,7 @@ def estimates_of(fit: LeastSquares, between_runs: Array, of_encoders: Array) -> 
     factor = float(student.ppf(0.975, len(fit.experiments) - 1))
     values, widening = fit.values(fit.common), max(fit.misfit, 1.0)
     for k, unknown in enumerate(fit.unknowns):
-        spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (between_runs, of_encoders))
+        spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (further, of_encoders))
         half = sqrt((factor * spread) ** 2 + widening * (NORMAL * encoders) ** 2)
         estimates.append(Estimate(unknown.name, unknown.unit, values[unknown.name], half, spread, encoders))
     return tuple(estimates)
@@ -175,7 +201,8 @@ def _open_numbers(fit: LeastSquares) -> tuple[OpenNumber, ...]:
 
 
 def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identification:
-    between_runs, of_encoders = fit.jackknife(), fit.encoder_covariance()
+    of_encoders = fit.encoder_covariance()
+    further = fit.further_spread(fit.jackknife(), of_encoders)
     values = fit.values(fit.common)
     scales = np.array([unknown.scale for unknown in fit.unknowns])
     deviations = np.sqrt(np.diag(fit.inverse))
@@ -191,10 +218,10 @@ def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identifica
     return Identification(
         rig=rig_with(rig, values),
         replay=replay,
-        estimates=estimates_of(fit, between_runs, of_encoders),
+        estimates=estimates_of(fit, further, of_encoders),
         left_open=_open_numbers(fit),
         correlated=tuple(pairs),
-        spread=fit.further_spread(between_runs, of_encoders) * np.outer(scales, scales),
+        spread=further * np.outer(scales, scales),
         known=of_encoders * np.outer(scales, scales),
         misfits=fit.misfits(),
         converged=fit.done,

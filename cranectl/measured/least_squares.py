@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from math import sqrt
 
 import numpy as np
-from scipy.linalg import block_diag
 from scipy.optimize import least_squares
 
 from cranectl.measured.experiment import CHANNELS, Experiment, Unknown, encoders_of
@@ -19,7 +18,7 @@ ENCODER_DRAWS = 200  # of readings, from which the covariance of encoders is com
 MAX_SLOPES = 30  # sets of slopes of a fit
 STEPS_WITH_SLOPES = 15  # with one set
 CLOSE_ENOUGH = 0.3  # standard deviations by which new slopes may still move the numbers, all together
-MIN_COST_CHANGE = 0.05  # of half the sum of squares, in units of their mean
+ROUGHLY_ENOUGH = 3.0  # the same of a fit that only gives first numbers to another
 
 
 class LeastSquares:
@@ -57,6 +56,13 @@ class LeastSquares:
         by_own = np.nan_to_num(np.array(by_own)).T
         return base, np.array(by_common).reshape(len(common), -1).T, by_own
 
+    def begin_at(self, other: "LeastSquares") -> None:
+        """Begin at the numbers of a fit to parts of the same runs."""
+        found = other.values(other.common)
+        starts = (found.get(u.name, u.start) / u.scale for u in self.unknowns)
+        self.common = np.fromiter(starts, np.float64, len(self.unknowns))
+        self.own = list(other.own)
+
     def drop_without_effect(self) -> None:
         """Leave out the numbers that move no reading of these runs."""
         self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
@@ -75,8 +81,8 @@ class LeastSquares:
         self.common, self.steps = self.common[kept], self.steps[kept]
         self.parts = [(base, by_common[:, kept], by_own) for base, by_common, by_own in self.parts]
 
-    def solve(self) -> None:
-        """Find the numbers of least squares, and reduce the equations there.
+    def solve(self, enough: float = CLOSE_ENOUGH) -> None:
+        """Find the numbers of least squares to `enough` standard deviations, and reduce the equations there.
 
         The derivatives cost about twenty times what residuals cost. So one set of them serves several steps,
         and the fit ends where a new set would hardly move the numbers, or leads to no smaller residuals.
@@ -86,11 +92,12 @@ class LeastSquares:
         self.reduce()
         self.done = False
         for _ in range(MAX_SLOPES):
-            self.done = self.done or self._distance() < CLOSE_ENOUGH
+            self.done = self.done or self._distance() < enough
             if self.done:
                 break
             self._choose_steps()
-            self.done = self._step() < MIN_COST_CHANGE * max(self.misfit, 1.0)
+            least = 0.5 * enough**2 * max(self.misfit, 1.0)  # of half the squares, at this distance
+            self.done = self._step(least) < least
             self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
             self.reduce()
 
@@ -110,28 +117,44 @@ class LeastSquares:
             sizes = np.linalg.norm(by_own, axis=0).clip(min=1e-9)
             self.own_steps[k] = (STEP_DEVIATIONS / sizes).clip(MIN_SLOPE_STEP, 1.0)
 
-    def _step(self) -> float:
-        """Move to better numbers that the slopes lead to; return by how much half the squares shrink."""
-        ends = np.cumsum([len(self.common), *map(len, self.own)])[:-1]
-        _, by_common, by_own = zip(*self.parts, strict=True)
-        axes, slanted = np.linalg.qr(np.hstack([np.vstack(by_common), block_diag(*by_own)]))
-        slopes = np.vstack([slanted, np.zeros(slanted.shape[1])])
+    def _step(self, least: float) -> float:
+        """Move to better numbers that the slopes lead to; return by how much half the squares shrink.
+
+        Steps end when one shrinks them by less than `least`.
+        """
+        first = len(self.common)
+        ends = first + np.cumsum([0, *map(len, self.own)])
+        axes, rows = [], []  # of each run: unit vectors along its slopes, and the slopes in these
+        for k, (_, by_common, by_own) in enumerate(self.parts):
+            along, slanted = np.linalg.qr(np.hstack([by_common, by_own]))
+            row = np.zeros((len(slanted), ends[-1]))
+            row[:, :first], row[:, ends[k] : ends[k + 1]] = slanted[:, :first], slanted[:, first:]
+            axes.append(along)
+            rows.append(row)
+        slopes = np.vstack([*rows, np.zeros(ends[-1])])
 
         def residuals(z: Array) -> Array:  # along the slopes, and the length of the rest
-            common, *own = np.split(z, ends)
-            runs = enumerate(zip(self.experiments, own, strict=True))
-            whole = np.concatenate([e.residuals_of(self.predicted(k, common, o)) for k, (e, o) in runs])
-            along = axes.T @ whole
-            return np.append(along, sqrt(max(whole @ whole - along @ along, 0.0)))
+            common, *own = np.split(z, ends[:-1])
+            parts, rest = [], 0.0
+            for k, (experiment, along) in enumerate(zip(self.experiments, axes, strict=True)):
+                whole = experiment.residuals_of(self.predicted(k, common, own[k]))
+                parts.append(whole @ along)
+                rest += float(whole @ whole - parts[-1] @ parts[-1])
+            return np.append(np.concatenate(parts), sqrt(max(rest, 0.0)))
 
         lows = np.array([u.low / u.scale for u in self.unknowns])
-        low = np.concatenate([lows, np.full(len(slanted) - len(lows), -np.inf)])
+        low = np.concatenate([lows, np.full(ends[-1] - first, -np.inf)])
         start = np.concatenate([np.maximum(self.common, lows + 1e-6), *self.own])
-        solution = least_squares(
-            residuals, start, jac=lambda _: slopes, bounds=(low, np.inf), max_nfev=STEPS_WITH_SLOPES
-        )
-        self.common, *self.own = np.split(solution.x, ends)
         before = 0.5 * sum(float(base @ base) for base, _, _ in self.parts)
+        solution = least_squares(
+            residuals,
+            start,
+            jac=lambda _: slopes,
+            bounds=(low, np.inf),
+            max_nfev=STEPS_WITH_SLOPES,
+            ftol=least / before,
+        )
+        self.common, *self.own = np.split(solution.x, ends[:-1])
         return before - float(solution.cost)
 
     def reduce(self) -> None:

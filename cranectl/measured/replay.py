@@ -5,10 +5,10 @@ and rope as measured, with ideal drives, so that only the swing of the load is p
 first measured state, or at rest.
 """
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import savgol_filter
 
 from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
@@ -34,6 +34,12 @@ Replay = Literal["commands", "motion"]
 def default_replay(run: Run) -> Replay:
     """Return how a measured run is replayed if nobody chooses: by its commands, if it has them."""
     return "commands" if run.has("command") else "motion"
+
+
+def first_samples(run: Run, samples: int) -> Run:
+    """Return the beginning of a measured run, as views of its samples."""
+    part = slice(samples)
+    return replace(run, time_ns=run.time_ns[part], table=run.table[part], reference=run.reference[part])
 
 
 def simulate_replay(
@@ -108,13 +114,15 @@ def measured_motion(run: Run) -> Array:
 def positions_before(state: Array, late: float, period: float) -> Array:
     """Return the positions (N, 5) of states (N, 10) `late` seconds before each, at most a period.
 
-    Between two samples they are cubics with the positions and rates of both.
+    Between two samples they are cubics with the positions and rates of both (Hermite).
     """
     position, rate, share = state[:, 0::2], state[:, 1::2], 1.0 - late / period
-    curves = CubicHermiteSpline(
-        np.arange(2.0), np.stack([position[:-1], position[1:]]), period * np.stack([rate[:-1], rate[1:]])
-    )
-    between: Array = np.vstack([position[:1] - late * rate[:1], curves(share)])
+    rising = share * share * (3.0 - 2.0 * share)
+    first = period * share * (1.0 - share) ** 2
+    second = period * share * share * (share - 1.0)
+    between: Array = np.vstack([position[:1] - late * rate[:1], np.empty_like(position[1:])])
+    between[1:] = position[:-1] + rising * (position[1:] - position[:-1])
+    between[1:] += first * rate[:-1] + second * rate[1:]
     return between
 
 

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from itertools import count
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -35,7 +36,8 @@ from tests.measured.equations import (
 )  # fmt: skip
 from tests.measured.hidden import run_of, set_points
 
-FINE_STEP = 1.25e-3  # [s] on the laboratory rig; grows with the root of the size
+FINE_STEP = 4e-4  # [s] on the laboratory rig; grows with the root of the size
+MAX_SWING = 0.6  # [rad] of random set-points: beyond it, the least errors grow, and no crane is driven so
 FINE_ANGLE = 0.15  # of the fastest decay or vibration in one step [rad]
 CONTACT_HERTZ, CONTACT_DAMPING = 25.0, 0.2  # of a carriage on its gear, at the laboratory rig
 GUST_STEP = 0.02  # [s] between values of the wind, at the laboratory rig
@@ -197,7 +199,7 @@ def simulated(
     times: Array,
     defects: Defects = NO_DEFECTS,
     *,
-    seed: int = 0,
+    seed: int | np.random.SeedSequence = 0,
     crane: HiddenCrane | None = None,
 ) -> Truth:
     """Integrate the crane that `rig` describes, with its gains, dead time and zero of the rope.
@@ -234,7 +236,9 @@ def simulated(
     return Truth(times, joints, load_of(crane, rows), placed_load(joints, installation.rope_offset))
 
 
-def wind_of(defects: Defects, seed: int, times: Array, size: float) -> tuple[Array, Array] | None:
+def wind_of(
+    defects: Defects, seed: int | np.random.SeedSequence, times: Array, size: float
+) -> tuple[Array, Array] | None:
     """Return times, and gusts along x and y (2, K) [m/s] that forget themselves within two seconds."""
     if not defects.gust:
         return None
@@ -267,9 +271,24 @@ def load_of(crane: HiddenCrane, rows: Array) -> Array:
 
 
 def hidden_run(
+    nominal: RigParameters, numbers: Mapping[str, float], seed: int, **settings: Any
+) -> tuple[Run, Truth]:
+    """Return what an import makes of the log of a hidden crane, and what really happened at its samples.
+
+    `settings` are those of `logged_run`. Set-points that make the load swing too far are drawn again.
+    """
+    for attempt in count():
+        source = np.random.SeedSequence([seed, attempt] if attempt else seed)
+        run, truth = logged_run(nominal, numbers, source, **settings)
+        if settings.get("motion") or np.abs(truth.joints[:, 3:]).max() <= MAX_SWING:
+            break
+    return run, truth
+
+
+def logged_run(
     nominal: RigParameters,
     numbers: Mapping[str, float],
-    seed: int,
+    seed: np.random.SeedSequence,
     *,
     seconds: float = 10.0,
     period: float = 0.005,
@@ -279,7 +298,7 @@ def hidden_run(
     defects: Defects = NO_DEFECTS,
     motion: tuple[Array, Array] | None = None,
 ) -> tuple[Run, Truth]:
-    """Return what an import makes of the log of a hidden crane, and what really happened at its samples.
+    """Return a run and its truth as `hidden_run` does, of random set-points, however far the load swings.
 
     The crane has `numbers` that differ from those of `nominal`. The log has a row each `period`; the drives
     get a set-point in the same period, or each `set_point_period`, of which the log then misses some. They
