@@ -65,7 +65,6 @@ SETS = {
             "docs/how-to/live.md",
             "docs/pictures/run.png",
         ),
-        without=RESULTS,
     ),
     "docs": Set(
         modules=(*PACKAGE, "docs/**/*.py", "tests/**/*.py"),  # pages name tests

@@ -277,12 +277,9 @@ def hidden_run(
 
     `settings` are those of `logged_run`. Set-points that make the load swing too far are drawn again.
     """
-    for attempt in count():
-        source = np.random.SeedSequence([seed, attempt] if attempt else seed)
-        run, truth = logged_run(nominal, numbers, source, **settings)
-        if settings.get("motion") or np.abs(truth.joints[:, 3:]).max() <= MAX_SWING:
-            break
-    return run, truth
+    sources = (np.random.SeedSequence([seed, attempt] if attempt else seed) for attempt in count())
+    drawn = (logged_run(nominal, numbers, source, **settings) for source in sources)
+    return next(logged for logged in drawn if logged)
 
 
 def logged_run(
@@ -297,8 +294,8 @@ def logged_run(
     swing: float = 0.0,
     defects: Defects = NO_DEFECTS,
     motion: tuple[Array, Array] | None = None,
-) -> tuple[Run, Truth]:
-    """Return a run and its truth as `hidden_run` does, of random set-points, however far the load swings.
+) -> tuple[Run, Truth] | None:
+    """Return a run and its truth, as `hidden_run` does, or None if random set-points make it swing too far.
 
     The crane has `numbers` that differ from those of `nominal`. The log has a row each `period`; the drives
     get a set-point in the same period, or each `set_point_period`, of which the log then misses some. They
@@ -325,6 +322,8 @@ def logged_run(
         return told.at(now), told.joints[before, 3:]
 
     truth, angles_seen = happened(time)
+    if motion is None and not np.abs(truth.joints[:, 3:]).max() <= MAX_SWING:
+        return None
     readings = truth.joints.copy()
     middle = float(np.mean(nominal.rope_range))
     readings[:, 2] = middle + defects.rope_scale * (readings[:, 2] - middle)

@@ -8,6 +8,7 @@ import pytest
 
 from cranectl.measured import replay
 from cranectl.measured.experiment import Experiment, rig_with, unknowns_of
+from cranectl.measured.identification import identify
 from cranectl.measured.least_squares import LeastSquares, reduced_equations
 from cranectl.measured.replay import crane_scenario, with_longer_steps
 from cranectl.scenario.effects import Rope
@@ -72,6 +73,24 @@ def test_few_predictions_are_made_twice(clean: Run, monkeypatch: pytest.MonkeyPa
     assert len(made) > 10
     # The steps with a set of slopes begin at its numbers, and the next slopes are those of the best step.
     assert sum(made.values()) <= 1.1 * len(made)
+
+
+def test_long_runs_are_fitted_with_few_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over 19 swings the sum of squares has many minima, and three times as many would be needed."""
+    samples: list[int] = []
+    predicted = Experiment.predicted
+
+    def counted(self: Experiment, values: dict[str, float], own: Any) -> Any:
+        samples.append(len(self.run.time_ns))
+        return predicted(self, values, own)
+
+    monkeypatch.setattr(Experiment, "predicted", counted)
+    numbers = hidden_numbers(LAB, np.random.default_rng(7))
+    runs = [hidden_run(LAB, numbers, seed, seconds=40.0)[0] for seed in range(3)]
+    result = identify(runs, LAB)
+    assert result.misfit < 1.1
+    assert len({*samples}) == 2  # whole runs, and their first parts
+    assert sum(samples) < 150 * sum(len(run.time_ns) for run in runs)
 
 
 def test_a_fit_ends_where_short_steps_show_no_better_place() -> None:
