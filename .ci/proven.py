@@ -94,7 +94,7 @@ SETS = {
     ),
     "processors": Set(
         modules=(*PACKAGE, "tests/**/*.py"),
-        data=("docs/reference/metrics.md", *PACKAGE_DATA, "tests/**/*"),
+        data=("docs/reference/metrics.md", "docs/reference/standings.md", *PACKAGE_DATA, "tests/**/*"),
         without=(
             *RESULTS,
             *(f"tests/{name}/**/*" for name in ("docs", "thesis", "drake", "live", "planning")),
