@@ -45,7 +45,7 @@ class Set:
 
     modules: tuple[str, ...]  # with all that these import
     data: tuple[str, ...] = ()
-    without: tuple[str, ...] = ()  # are left out, unless a module imports them
+    without: tuple[str, ...] = ()  # files that are left out, unless a module imports them
 
 
 # What is imported by a computed name, such as a command, is named here.

@@ -58,7 +58,7 @@ class Estimate:
     unit: str
     value: float
     half_width: float
-    spread: float  # standard deviation from a spread between runs that encoders do not explain
+    spread: float  # standard deviation from what the runs spread beyond errors of encoders
     encoders: float  # standard deviation from steps and noise of encoders
 
 
@@ -170,9 +170,8 @@ def check_something_moves(fit: LeastSquares) -> None:
 def estimates_of(fit: LeastSquares, further: Array, of_encoders: Array) -> tuple[Estimate, ...]:
     """Return the numbers with their intervals, given two covariances in scales (P, P).
 
-    They are those of a further spread between runs, and of encoders, from which verdicts predict too.
-
-    A misfit widens them: residuals that are larger than noise move the numbers more than noise does.
+    One is of what the runs spread beyond the encoders' errors, the other of these errors. A misfit widens
+    the intervals: residuals that are larger than noise move the numbers more than noise does.
     """
     estimates = []
     factor = float(student.ppf(0.975, len(fit.experiments) - 1))
