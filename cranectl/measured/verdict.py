@@ -230,14 +230,11 @@ def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
         return NOT_DECIDED, f"nothing moved by more than {MIN_TESTED_MOTION:g} times its band"
     if tolerance is None:
         return (COVERED if is_covered else NOT_COVERED), ""
-    band = quantity(verdict.band, "m")
-    if is_covered and verdict.band <= tolerance:
-        return COVERED, ""
-    if not is_covered and verdict.met_tolerance <= tolerance:
-        return WITHIN_TOLERANCE, ""
+    if verdict.met_tolerance <= tolerance:
+        return (COVERED if is_covered else WITHIN_TOLERANCE), ""
     if is_covered or verdict.largest <= tolerance:
         needed = quantity(verdict.met_tolerance, "m")
-        size = quantity(verdict.largest, "m")
+        size, band = quantity(verdict.largest, "m"), quantity(verdict.band, "m")
         why = f"the band of ± {band} is wider than your tolerance"
         if verdict.band <= tolerance:
             why = f"the difference of {size} and the band of ± {band} together exceed your tolerance"

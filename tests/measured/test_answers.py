@@ -74,11 +74,7 @@ def test_an_unchanged_crane_is_covered_however_its_load_swings_at_first(
         assert any("its load swings by" in aside for aside in asides(verdict))
 
 
-# A soft frame that is covered by chance is covered with any tolerance above its band, also below its error.
-COVERED_BY_CHANCE = pytest.param(62, marks=pytest.mark.xfail(reason="p = 0.075, error of 2.2 bands"))
-
-
-@pytest.mark.parametrize("seed", [60, 61, COVERED_BY_CHANCE])
+@pytest.mark.parametrize("seed", [60, 61, 62])  # of 62, p is 0.075, so it is covered without a tolerance
 def test_an_imperfect_model_is_within_a_tolerance_that_its_true_error_meets(seed: int, soft: Fit) -> None:
     run, truth = hidden_run(LAB, NUMBERS, seed, period=SLOW, defects=SOFT)
     error, band = true_error(verdict := verdict_on(run, soft), truth), verdict.band
