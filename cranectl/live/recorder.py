@@ -27,6 +27,7 @@ from cranectl.log.header import (
 )
 from cranectl.log.writer import (
     FAILURES,
+    KeptError,
     check_complete,
     open_file,
     unfinished,
@@ -128,7 +129,8 @@ class Recorder:
                 del metadata[f"run/{run.plant}"]  # known only at the end
             number = str(len(self.files) + 1)
             metadata["live"] = {"segment": number, "from_ns": str(from_ns), "reason": reason}
-            self._file = open_file(self._part, self._context, metadata, file_attachments(runs))
+            target = self._replacement.enter_context(KeptError(self._part))
+            self._file = open_file(target, self._context, metadata, file_attachments(runs))
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None
         self._before = self._publisher.sent.copy()

@@ -5,10 +5,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import foxglove
 import pytest
 
-from cranectl.live.recorder import next_file, reserve_recording
+from cranectl.live.recorder import Recorder, next_file, reserve_recording
+from cranectl.live.viewers import Publisher
+from cranectl.log.messages import streams
+from cranectl.scenario import Scenario
+from cranectl.simulate import simulate_run
 from cranectl.support.errors import LogError
+from tests.cli.test_full_disk import full_disk
 
 
 def test_a_reserved_place_leaves_no_file(tmp_path: Path) -> None:
@@ -88,3 +94,17 @@ def test_an_unwritable_place_is_explained(name: str) -> None:
     for numbered in (False, True):
         with pytest.raises(LogError, match="cannot write"):
             reserve_recording(Path(name), numbered=numbered).__enter__()
+
+
+def test_a_full_disk_is_told_once(short: Scenario, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    run = simulate_run(short, plant="analytic", controller="lqr")
+    context = foxglove.Context()
+    publisher = Publisher(context)
+    recorder = Recorder(tmp_path / "a.mcap", context, publisher)
+    recorder.begin([run], 0, "start")
+    with full_disk():
+        for _ in range(3):  # also messages after the first that fails
+            publisher.send(streams([run]))
+        with pytest.raises(LogError, match="File too large"):
+            recorder.finish([run], completed=True)
+    assert capfd.readouterr().err == ""
