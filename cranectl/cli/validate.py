@@ -1,5 +1,6 @@
 """`cranectl validate`."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -130,7 +131,8 @@ def validate_command(
     names = chosen_controllers(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
-    sources = dict.fromkeys(_sources(scenarios) or scenario_names())
+    sources = Counter(_sources(scenarios) or scenario_names())
+    screen.print_each(f"{name} is given twice, and judged once" for name, n in sources.items() if n > 1)
     loaded, unloaded = _loaded(request, tuple(sources), plants, () if controllers else names)
     cases = [
         make_case(

@@ -166,7 +166,9 @@ def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.
     (folder / "below" / "second.toml").write_text(GOOD.replace("good", "second"))
     (folder / "rig.toml").write_text("load_mass = 2.0\n")
     (folder / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
-    assert main(["validate", "mine", "good.toml", *OPTIONS]) == 0
+    again = str(Path("mine", "first.toml"))
+    assert main(["validate", "mine", "good.toml", again, *OPTIONS]) == 0
+    assert f"{again} is given twice, and judged once" in capsys.readouterr().out
     runs = json.loads(Path("result.json").read_text())["runs"]
     assert [run["scenario"] for run in runs[::3]] == ["second", "first", "good"]
     (folder / "broken.toml").write_text("reference = ")
