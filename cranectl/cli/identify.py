@@ -110,6 +110,7 @@ def identify_command(
             "misfits": dict(result.misfits),
             "largest_m": [float(load.distance[load.largest]) for load in result.loads],
             "replay": result.replay,
+            "lines": result.lines,
             "estimates": [vars(estimate) for estimate in result.estimates],
             "unidentifiable": list(result.unidentifiable),
             "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],

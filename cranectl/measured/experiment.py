@@ -112,18 +112,19 @@ class Experiment:
     """A measured run, and how its readings are predicted from numbers of the crane.
 
     Besides the crane's numbers a run has some of its own: where the axes are at its start, what the sensors
-    of the angles read at zero, and how the load swings at the start: alpha, its rate, beta, its rate.
+    of the angles read at zero, and how the load swings at the start: alpha, its rate, beta, its rate. Of the
+    readings, at most `most` are compared. With `lines`, set-points change along lines between samples.
     """
 
-    def __init__(self, run: Run, rig: RigParameters, replay: Replay, max_readings: int) -> None:
+    def __init__(self, run: Run, rig: RigParameters, replay: Replay, most: int, lines: bool = False) -> None:
         if replay == "commands" and not run.has("command"):
             raise InputError(
                 f"the run {run.scenario.name} has no commands of the drives",
                 allowed="runs with commands, or --replay motion",
                 remedy="add --replay motion",
             )
-        self.run, self.rig, self.replay = run, rig, replay
-        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // max_readings, 1))
+        self.run, self.rig, self.replay, self.lines = run, rig, replay, lines
+        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // most, 1))
         self.period = run.scenario.period_ns / NANOSECONDS
         state = run.block("state")
         self.readings = state[:, 0::2]
@@ -256,7 +257,13 @@ class Experiment:
         scenario = crane_scenario(self.run.scenario, rig, self.replay)
         scenario = with_longer_steps(scenario, self.run.drive if self.replay == "commands" else "ideal")
         simulated = simulate_replay(
-            self.run, MODEL, self.replay, scenario=scenario, commands=commands, initial=start
+            self.run,
+            MODEL,
+            self.replay,
+            scenario=scenario,
+            commands=commands,
+            initial=start,
+            lines=self.lines,
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
         state = simulated.block(STATE.name)

@@ -35,6 +35,7 @@ from cranectl.measured.least_squares import (
     reduced_equations,
 )
 from cranectl.measured.replay import Replay, default_replay, first_samples
+from cranectl.scenario import NANOSECONDS
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -43,6 +44,8 @@ from cranectl.support.errors import InputError
 MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
 MANY_SWINGS = 16.0  # of a run, from which its first part is fitted first
 PARTS = 4  # into which it is cut
+SLOW_ROWS = 0.5  # times the shortest lag of a drive: periods from which set-points may change in between
+CLEARLY_LESS = 0.5  # of the misfit, which lines between set-points must leave
 MAX_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
 NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
@@ -77,6 +80,7 @@ class Identification:
 
     rig: RigParameters  # with the fitted numbers
     replay: Replay
+    lines: bool  # whether set-points change along lines between the rows of the logs, or are held
     estimates: tuple[Estimate, ...]
     left_open: tuple["OpenNumber", ...]  # numbers of which these runs say nothing
     correlated: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
@@ -129,25 +133,42 @@ def identify(
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
     fit = _fitted(runs, rig, chosen, progress)
+    if chosen == "commands" and any(_rows_are_slow(run, rig) for run in runs):
+        progress("again, with set-points that change between the rows")
+        other = _fitted(runs, rig, chosen, progress, lines=True)
+        if other.unknowns and other.misfit < CLEARLY_LESS * fit.misfit:
+            fit = other
     check_something_moves(fit)
     return _result(fit, rig, chosen)
 
 
+def _rows_are_slow(run: Run, rig: RigParameters) -> bool:
+    """Return whether a drive shows if it gets further set-points between the rows of a log."""
+    period = run.scenario.period_ns / NANOSECONDS
+    return run.drive == "velocity" and period > SLOW_ROWS * float(min(rig.time_constants))
+
+
 def _fitted(
-    runs: Sequence[Run], rig: RigParameters, replay: Replay, progress: Progress, part: str = ""
+    runs: Sequence[Run],
+    rig: RigParameters,
+    replay: Replay,
+    progress: Progress,
+    *,
+    lines: bool = False,
+    part: str = "",
 ) -> LeastSquares:
     """Return the least squares of the runs; no number is left if nothing moves.
 
     Over many swings a small error of the rope's length turns the load's phase by whole swings, and the sum of
     squares has many minima. So the first parts of long runs are fitted first.
     """
-    experiments = [Experiment(run, rig, replay, MAX_READINGS // len(runs)) for run in runs]
+    experiments = [Experiment(run, rig, replay, MAX_READINGS // len(runs), lines) for run in runs]
     fit = LeastSquares(experiments, unknowns_of(rig, replay))
     long = [experiment.swings > MANY_SWINGS for experiment in experiments]
     if any(long):
         pairs = zip(runs, long, strict=True)
         parts = [first_samples(run, len(run.time_ns) // PARTS) if is_long else run for run, is_long in pairs]
-        fit.begin_at(_fitted(parts, rig, replay, progress, "the first part of "))
+        fit.begin_at(_fitted(parts, rig, replay, progress, lines=lines, part="the first part of "))
     fit.drop_without_effect()
     while fit.unknowns:
         progress(f"fitting {len(fit.unknowns)} numbers to {part}{len(runs)} runs")
@@ -217,6 +238,7 @@ def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identifica
     return Identification(
         rig=rig_with(rig, values),
         replay=replay,
+        lines=fit.experiments[0].lines,
         estimates=estimates_of(fit, further, of_encoders),
         left_open=_open_numbers(fit),
         correlated=tuple(pairs),

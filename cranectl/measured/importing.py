@@ -47,6 +47,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.tables.columns import TableHead
 
 MAX_READING = 1e12  # [SI] of any signal
+STAMP_ERROR = 0.25  # of a row, by which the time stamp of a command may be late
 
 
 @dataclass(frozen=True)
@@ -312,7 +313,8 @@ def _resampled(name: str, reading: Readings, time: Array) -> Array:
     """Return a signal at even times (N,): the last command, and all others between two readings."""
     if name not in COMMANDS:
         return np.interp(time, reading.time, reading.values)
-    rounding = 1e-6 * (time[1] - time[0])  # of equal times, which would hold a command for one sample more
-    rows = np.searchsorted(reading.time, time + rounding, side="right") - 1
+    # Else a row whose stamp is slightly late, as of a clock that drifts, would count one sample late.
+    late = STAMP_ERROR * min(time[1] - time[0], float(np.median(np.diff(reading.time))))
+    rows = np.searchsorted(reading.time, time + late, side="right") - 1
     last: Array = reading.values[rows.clip(0)]
     return last

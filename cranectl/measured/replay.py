@@ -15,7 +15,7 @@ from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import longest_agreeing_step
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import longest_step
 from cranectl.signals import REFERENCE
@@ -27,6 +27,7 @@ from cranectl.support.errors import InputError
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
 # than 1e-4 of the noise of the laboratory's encoders (tests/measured/test_replay_steps.py).
 LONGER_STEPS = 5.0  # times the step with which all plants agree to 1e-7
+LINE_PARTS = 4  # between two samples, in each of which a line of set-points is held at its middle
 
 Replay = Literal["commands", "motion"]
 
@@ -50,23 +51,30 @@ def simulate_replay(
     scenario: Scenario | None = None,
     commands: Array | None = None,
     initial: Array | None = None,
+    lines: bool = False,
 ) -> Run:
     """Simulate what drives a measured run; the result has the same times, or fewer.
 
     `scenario` is the crane in place of that of the run. `commands` (N, 3), or positions, rates and
     accelerations of the axes (N, 9), replace the measured ones, and `initial` (10,) the first measured
-    state.
+    state. With `lines`, commands change along lines between samples; else they are held.
     """
-    scenario = scenario or run.scenario
+    given = scenario = scenario or run.scenario
     drive: Drive = run.drive if replay == "commands" else "ideal"
     if commands is None:
         commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
-    state, samples = run.block("state"), len(run.time_ns)
+    state = run.block("state")
     start = state[0].copy() if initial is None else initial
+    time_ns, parts = run.time_ns, LINE_PARTS if lines else 1
+    if lines:
+        scenario = _with_shorter_period(scenario, parts)
+        commands, state = _middles(commands, parts), np.repeat(state, parts, axis=0)[: 1 - parts]
+        time_ns = scenario.period_ns * np.arange(len(commands))
+    samples = len(time_ns)
     controller = MEASURED_MOTION if replay == "motion" else repeated_commands(DRIVES[drive].command)
     design, compiled = prepare_repetition(controller, scenario, drive, commands, start)
     plan = Plan(
-        time_ns=run.time_ns,
+        time_ns=time_ns,
         reference=np.zeros((samples, len(REFERENCE))),
         reference_state=state,
         gravity=scenario.rig.gravity,
@@ -74,9 +82,31 @@ def simulate_replay(
         disturbance=np.zeros((samples, 2)),
         wind=np.zeros((samples, 6)),
     )
-    return simulate_run(
+    simulated = simulate_run(
         scenario, plant=plant, drive=drive, design=design, plan=plan, compiled_controller=compiled
     )
+    if lines:
+        kept = slice(None, None, parts)
+        table, reference = simulated.table[kept], simulated.reference[kept]
+        times = run.time_ns[: len(table)]
+        return replace(simulated, scenario=given, time_ns=times, table=table, reference=reference)
+    return simulated
+
+
+def _with_shorter_period(scenario: Scenario, parts: int) -> Scenario:
+    """Return the scenario with a control period of so many parts of its own."""
+    control = scenario.control
+    period = nanoseconds(control.period) // parts / NANOSECONDS
+    step = control.physics_step and longest_step(period, min(control.physics_step, period))
+    control = control.model_copy(update={"period": period, "physics_step": step})
+    return scenario.model_copy(update={"control": control})
+
+
+def _middles(commands: Array, parts: int) -> Array:
+    """Return the commands at the middle of each part of the lines between samples (N, K), and the last."""
+    shares = (np.arange(parts) + 0.5) / parts
+    between = commands[:-1, None] + shares[:, None] * np.diff(commands, axis=0)[:, None]
+    return np.vstack([between.reshape(-1, commands.shape[1]), commands[-1:]])
 
 
 def with_longer_steps(scenario: Scenario, drive: Drive) -> Scenario:

@@ -7,6 +7,7 @@ readings is drawn and rounded to the steps of the encoders, and it changes the e
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position i
 START_STEPS = 2  # of Gauss and Newton, to the start of a run
 MIN_NUMBER_CHANGE = 1e-4  # of a number, by which it is changed at least to see its effect
 SEED = 0  # of the draws
+MAX_REST_COST = 16.0  # of a start without a swing, in squared deviations: one of 3000 exceeds it by chance
 ROPE_ZERO = "effects.installation.rope_offset"
 ROPE = 2  # its place among a run's own numbers, if its commands are repeated
 START = "the start"  # in place of the name of a number
@@ -68,7 +70,9 @@ def predict_with_errors(
 ) -> UncertainPrediction:
     """Predict the readings of a run from identified `values`, which have `errors`."""
     block, shown, still = experiment.block, experiment.channels, experiment.still_samples()
-    own, gain, of_start, base, own_slopes = _estimated_start(experiment, values)
+    start = _estimated_start(experiment, values)
+    own, base, own_slopes = start.own, start.readings, start.slopes
+    at_rest = _changes_by_rest(experiment, values, start)
     curvature = _rope_curvature(experiment, values, own, base, own_slopes)
     slopes = np.concatenate([_number_slopes(experiment, values, errors, own, base), own_slopes])
     slopes = np.nan_to_num(slopes)  # of a prediction that has ended: its differences are infinite anyway
@@ -79,7 +83,7 @@ def predict_with_errors(
 
     noise, start_errors, load_noise = [], [], []
     for k, error in enumerate(_drawn_errors(experiment, base)):
-        wrong = gain @ error[:still, shown].ravel()
+        wrong = start.gain @ error[:still, shown].ravel()
         start_errors.append(wrong)
         moved = 0.5 * bend * wrong[ROPE] ** 2 - np.tensordot(wrong, own_means, axes=1)
         noise.append(block_means(error, block)[:, shown] + moved)
@@ -96,20 +100,21 @@ def predict_with_errors(
 
     start_noise = root_of(np.cov(np.array(start_errors).T))
     weights = np.vstack(
-        [joined(errors.known, of_start), joined(errors.spread, np.zeros((0, starts)))]
+        [joined(errors.known, start.unseen), joined(errors.spread, np.zeros((0, starts)))]
     )  # (R, P + Q)
-    modes = [block_means(np.tensordot(weight, slopes, axes=1), block)[:, shown] for weight in weights]
+    changes = [*at_rest, *(np.tensordot(weight, slopes, axes=1) for weight in weights)]
+    modes = [block_means(change, block)[:, shown] for change in changes]
     if ROPE_ZERO in errors.names:  # a longer rope, with the same reading
         slopes[errors.names.index(ROPE_ZERO), :, 2] -= 1.0
     loads = np.einsum("pnc,ncx->pnx", slopes, load_slopes)
     all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
-    shares = np.tensordot(all_weights, loads, axes=1)  # (R + Q, N, 3)
-    covariance = np.einsum("rnx,rny->nxy", shares, shares)
+    shares = [np.tensordot(all_weights, loads, axes=1), np.einsum("pnc,ncx->pnx", at_rest, load_slopes)]
+    covariance = sum(np.einsum("rnx,rny->nxy", share, share) for share in shares)
     deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
     return UncertainPrediction(
         readings=base,
         own=own,
-        own_deviations=np.sqrt(np.square(np.vstack([of_start, start_noise])).sum(axis=0)),
+        own_deviations=np.sqrt(np.square(np.vstack([start.unseen, start_noise])).sum(axis=0)),
         modes=np.array(modes),
         spread_modes=len(errors.spread),
         noise=np.array(noise),
@@ -120,14 +125,18 @@ def predict_with_errors(
     )
 
 
-def _estimated_start(
-    experiment: Experiment, values: Mapping[str, float]
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Estimate a run's own numbers (Q,) from its samples at rest.
+class Start(NamedTuple):
+    """A run's own numbers, estimated from its samples at rest."""
 
-    Return them, by how much errors of these readings change them (Q, M), errors that no reading shows
-    (E, Q), and the prediction (N, 5) with its derivatives (Q, N, 5).
-    """
+    own: Array  # (Q,)
+    normal: Array  # inverse of their covariance (Q, Q)
+    gain: Array  # by how much errors of the readings at rest change them (Q, M)
+    unseen: Array  # errors that no reading shows (E, Q)
+    readings: Array  # that are predicted (N, 5)
+    slopes: Array  # derivatives of these by the numbers (Q, N, 5)
+
+
+def _estimated_start(experiment: Experiment, values: Mapping[str, float]) -> Start:
     still, shown = experiment.still_samples(), experiment.channels
     steps, white = encoders_of(experiment.rig)
     white = np.hypot(white, steps / np.sqrt(12.0))[shown]
@@ -149,7 +158,33 @@ def _estimated_start(
     angle = stuck_angle(experiment.rig, float(experiment.readings[0, 2])) / np.sqrt(3.0)
     for k in range(2):
         stuck[k, experiment.compared - 2 + k], stuck[k, experiment.compared + 2 * k] = -angle, angle
-    return own, gain, np.vstack([unseen.T, stuck]), base, slopes
+    return Start(own, normal, gain, np.vstack([unseen.T, stuck]), base, slopes)
+
+
+def _changes_by_rest(experiment: Experiment, values: Mapping[str, float], start: Start) -> Array:
+    """Return by how much readings change, beyond their slopes, if the load hangs still at first (2, N, 5).
+
+    A short pause hardly tells a slow swing from a wrong zero of the sensor. Friction of the pivot ends small
+    swings, which slopes at another swing do not show. Each angle has a change, of zeros if it surely swings.
+    """
+    changes = np.zeros((2, *start.readings.shape))
+    covariance = np.linalg.inv(start.normal)
+    pause = slice(experiment.still_samples())
+    steps, white = encoders_of(experiment.rig)
+    for k in range(2):
+        swing = slice(experiment.compared + 2 * k, experiment.compared + 2 * k + 2)
+        step = -covariance[:, swing] @ np.linalg.solve(covariance[swing, swing], start.own[swing])
+        still = experiment.predicted(values, start.own + step)
+        measured = experiment.readings[pause, 3 + k]
+        still[:, 3 + k] += (measured - still[pause, 3 + k]).mean()  # the sensor's zero is free
+        variance = white[3 + k] ** 2 + steps[3 + k] ** 2 / 12.0
+        cost, least = (
+            float(np.square(measured - predicted[pause, 3 + k]).sum()) / variance
+            for predicted in (still, start.readings)
+        )
+        if cost - least <= MAX_REST_COST * max(least / len(measured), 1.0):
+            changes[k] = still - start.readings - np.tensordot(step, start.slopes, axes=1)
+    return np.nan_to_num(changes)
 
 
 def _rope_curvature(

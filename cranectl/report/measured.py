@@ -81,6 +81,8 @@ def has_misfit(result: Identification) -> bool:
 def remarks(result: Identification, names: Sequence[str] = ()) -> list[str]:
     """Return in words what the runs of these names leave open, and whether the model fits them."""
     sentences = []
+    if result.lines:
+        sentences.append("set-points change between the rows of these logs, and are taken for straight lines")
     if result.unidentifiable:
         sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
     for a, b, correlation in result.correlated:

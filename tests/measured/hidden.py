@@ -23,6 +23,7 @@ from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 
 LAB = load_rig("lab-rig")
+MAX_FALL = 0.5  # of gravity: how fast the rope is let go when its speed jumps, on a winch with usual lag
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
 
 
@@ -62,7 +63,11 @@ NUMBERS = hidden_numbers(LAB, np.random.default_rng(5))
 def set_points(
     rig: RigParameters, rng: np.random.Generator, time: Array, axes: tuple[int, ...]
 ) -> tuple[Array, Array]:
-    """Where the axes start, and trapezoids of speed in turn forth and back with pauses, shape (N, 3)."""
+    """Where the axes start, and trapezoids of speed in turn forth and back with pauses, shape (N, 3).
+
+    Speeds of the rope that are held for long rise slowly, since a jump of the winch would make it slack.
+    """
+    period, winch = time[1] - time[0], rig.gravity * rig.winch_time_constant
     limits, swing = rig.effects.limits, 2.0 * np.pi * np.sqrt(0.5 * rig.rope_range[1] / rig.gravity)
     start, speeds = np.array([np.mean(ends) for ends in rig.workspace]), np.zeros((len(time), 3))
     for axis in axes:
@@ -71,6 +76,8 @@ def set_points(
         while begin < time[-1] - 2.0 * swing:
             speed = rng.uniform(0.2, 0.6) * limits.velocity[axis]
             ramp = speed / (rng.uniform(0.3, 0.8) * limits.acceleration[axis])
+            if axis == 2:
+                ramp = max(ramp, speed * period / (MAX_FALL * winch))
             length = min(rng.uniform(0.3, 1.0) * swing, 0.3 * (high - low) / speed)
             since = time - begin
             shape = np.clip(np.minimum(since / ramp, (length + ramp - since) / ramp), 0.0, 1.0)

@@ -11,7 +11,7 @@ from cranectl.measured.experiment import REST_SPEED, Experiment
 from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.verdict import COVERED, NOT_COVERED, NOT_DECIDED, WITHIN_TOLERANCE, RunVerdict, judge
-from cranectl.report.measured import asides, explanation
+from cranectl.report.measured import asides, explanation, remarks
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from tests.measured.hidden import LAB, NUMBERS, with_sensing, with_signal
@@ -72,6 +72,20 @@ def test_an_unchanged_crane_is_covered_however_its_load_swings_at_first(
     if swing >= 5e-3:
         assert verdict.swing == pytest.approx(swing, rel=0.2)
         assert any("its load swings by" in aside for aside in asides(verdict))
+
+
+@pytest.mark.parametrize(
+    ("axis", "seeds"), [(0, (214, 200, 204)), (1, (200, 207, 215)), (2, (202, 204, 207))]
+)
+def test_an_unchanged_crane_of_which_one_axis_moves_is_covered(
+    axis: int, seeds: tuple[int, ...], exact: Fit
+) -> None:
+    """A load that hangs still seems to swing a little in a short pause, and friction ends such a swing."""
+    for seed in seeds:
+        run, _ = hidden_run(LAB, NUMBERS, seed, axes=(axis,))
+        verdict = verdict_on(run, exact)
+        assert verdict.probability > 0.01, (seed, explanation(verdict, None))
+        assert verdict.band < 1.6e-3
 
 
 @pytest.mark.parametrize("seed", [60, 61, 62])  # of 62, p is 0.075, so it is covered without a tolerance
@@ -220,3 +234,21 @@ def test_a_controller_that_holds_the_axes_lets_them_rest(share: float, still: in
     start = np.array([np.mean(ends) for ends in LAB.workspace])
     run, _ = hidden_run(LAB, NUMBERS, 60, motion=(start, speeds))
     assert Experiment(run, LAB, "commands", 1000).still_samples() == still
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_set_points_that_a_slow_log_misses_are_lines(held: bool, tmp_path: Path) -> None:
+    """Time constants were off by half and the load was 50 mm off, since they were held from row to row."""
+    pace = {} if held else {"set_point_period": 0.005}
+    runs = [hidden_run(LAB, NUMBERS, seed, period=0.04, **pace)[0] for seed in range(3)]
+    result = identify(runs, LAB)
+    assert result.lines is not held
+    for estimate in result.estimates:
+        if "time_constant" in estimate.name:
+            assert estimate.value == pytest.approx(NUMBERS[estimate.name], rel=0.05)
+            assert abs(estimate.value - NUMBERS[estimate.name]) < 2.0 * estimate.half_width
+    assert any("taken for straight lines" in sentence for sentence in remarks(result)) is not held
+    run, truth = hidden_run(LAB, NUMBERS, 70, period=0.04, **pace)
+    fit = fit_of(runs, result, tmp_path)
+    assert true_error(verdict_on(run, fit), truth) < 5e-3
+    assert verdict_on(run, fit, tolerance=0.01).answer in (COVERED, WITHIN_TOLERANCE)

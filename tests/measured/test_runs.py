@@ -21,6 +21,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.cli.suggestions import execute, suggested_commands
 from tests.measured.crane import COMMANDS, columns, imported, mapping, truth, write_csv
+from tests.measured.hidden import LAB, run_of
 from tests.plants.own_models import MODELS
 
 MAP = """
@@ -252,6 +253,20 @@ def test_commands_that_were_not_measured_cannot_be_repeated(tmp_path: Path) -> N
         predict(run, "mujoco", "commands")
     assert error.value.remedy.startswith("replay its motion")
     assert predict(run, "mujoco", "motion").end_s == run.end_s
+
+
+@pytest.mark.parametrize("drift", [0.0, 6e-5, -6e-5])
+@pytest.mark.parametrize("jitter", [0.0, 0.02])
+def test_commands_keep_their_rows_on_a_clock_that_is_slightly_off(drift: float, jitter: float) -> None:
+    """Each command was held for one row more, by which a load is 0.3 m off in a log of 0.155 s."""
+    rng = np.random.default_rng(3)
+    time = 0.155 * (1.0 + drift) * np.arange(200)
+    time[1:-1] += 0.155 * jitter * rng.uniform(-1.0, 1.0, 198)
+    speeds = 0.01 * rng.integers(-9, 9, (200, 3))
+    readings = np.array([1.0, 0.7, 0.8]) + np.cumsum(0.1 * speeds, axis=0)
+    run = run_of(LAB, time, np.column_stack([readings, np.zeros((200, 2))]), speeds)
+    assert np.array_equal(run.block("command")[:, :3], speeds[: len(run.time_ns)])
+    assert len(run.time_ns) >= 199
 
 
 def test_a_suggested_map_is_complete_but_for_its_units(folder: Path, tmp_path: Path) -> None:
