@@ -110,7 +110,7 @@ def test_the_program_fails_for_differences_that_steps_do_not_cause(
 
 @pytest.mark.parametrize("first", range(0, RIGID, 10))
 def test_rigid_cranes_of_any_size_agree_with_default_steps(first: int) -> None:
-    """Lags from 1 to 500 ms, ropes to 300 m, loads to 1000 t, every drive: 1e-7 m and 1e-7 rad."""
+    """Lags of 1 to 500 ms, ropes of 5 cm to 1 km, loads of 1 g to 1000 t, every drive: 1e-7 m and rad."""
     seed = random_cranes.commit()
     generator = random_cranes.random_rigs(seed, PLANTS, steps=RIGID_STEPS)
     unstable = 0
@@ -133,13 +133,13 @@ def test_rigid_cranes_are_drawn_over_the_whole_range() -> None:
     lags = [lag for rig in rigs for lag in rig.time_constants]
     assert 1e-3 <= min(lags) < 1.1e-3
     assert 0.45 < max(lags) <= 0.5
-    for name, low, high in (("load_mass", 0.1, 1e5), ("trolley_mass", 0.1, 1e6), ("gravity", 1.2, 25.0)):
+    for name, low, high in (("load_mass", 0.01, 1e5), ("trolley_mass", 0.01, 1e5), ("gravity", 1.2, 25.0)):
         values = [getattr(rig, name) for rig in rigs]
         assert min(values) < low, name
         assert max(values) > high, name
     ropes = [rig.rope_range[1] for rig in rigs]
-    assert min(ropes) < 0.3
-    assert max(ropes) > 200.0
+    assert min(ropes) < 0.07
+    assert max(ropes) > 800.0
 
 
 def test_a_step_that_is_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,7 @@ def _random_rig(random: np.random.Generator, drive: Drive, name: str, steps: int
     def draw(low: float, high: float) -> float:
         return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
-    longest, gravity, load = draw(0.2, 300.0), draw(1.0, 30.0), draw(1e-2, 1e6)
+    longest, gravity, load = draw(0.05, 1e3), draw(1.0, 30.0), draw(1e-3, 1e6)
     # Up to a load of 50 times the trolley, the largest that similar cranes may have.
     trolley = load / draw(1e-2, 50.0)
     width = [float(longest * random.uniform(1.0, 3.0)) for _ in range(2)]
