@@ -207,7 +207,8 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
         directory, violations = _watched[-1]
         full = os.path.realpath(os.fsdecode(path))
         temporary = f"{os.path.realpath(tempfile.gettempdir())}/cranectl-{os.geteuid()}/"
-        allowed = full.startswith((os.path.realpath(directory), "/dev/", temporary)) or "cache" in full
+        places = os.path.realpath(directory), "/dev/", "/proc/", temporary
+        allowed = full.startswith(places) or "cache" in full
         if not allowed and not (event == "os.mkdir" and Path(full).is_dir()):
             violations.append(f"{event} {full}")
 

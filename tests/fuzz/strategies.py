@@ -135,7 +135,7 @@ def toml_files(draw: st.DrawFn, documents: list[Any]) -> bytes:
 
 PATHS = str.split("""x.mcap x.mcap ./x.mcap sub/../x.mcap link.mcap cut.mcap s.toml s.toml rig.toml c.toml
 notes.txt r sub old.json new.json new.mcap new.png new.csv sub/new.svg nowhere/deep/new.html no.toml
-notes.txt/x.json - - . .. / ~ /dev/null /dev/full e[red].mcap""")  # fmt: skip
+notes.txt/x.json - - . .. /proc ~ /dev/null /dev/full e[red].mcap""")  # fmt: skip
 PATHS += ["", "a" * 300, "\x1b[2J.mcap", "\udcff.json", "\0", "a\nfound: forged.mcap"]
 NAMES = str.split("""lqr lqr pole-placement lqr+hinf analytic mujoco both ideal velocity csv mat parquet exact
 rounding single comparison overview side 10x10 99999x99999 state.* local""")  # fmt: skip
