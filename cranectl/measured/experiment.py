@@ -248,7 +248,7 @@ class Experiment:
         late = 0.0  # by which the plant's clock is behind that of the run, less than a period
         if self.replay == "commands":
             whole, late = divmod(rig.effects.delay.seconds, self.period)
-            arrived = commands[(np.arange(len(commands)) - int(whole)).clip(min=0)]
+            arrived = commands[(np.arange(len(commands)) - int(whole)).clip(0, len(commands) - 1)]
             commands = arrived * np.array(rig.effects.installation.drive_gain)
             start[0::2] += late * start[1::2]
         else:

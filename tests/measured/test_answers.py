@@ -252,3 +252,15 @@ def test_set_points_that_a_slow_log_misses_are_lines(held: bool, tmp_path: Path)
     fit = fit_of(runs, result, tmp_path)
     assert true_error(verdict_on(run, fit), truth) < 5e-3
     assert verdict_on(run, fit, tolerance=0.01).answer in (COVERED, WITHIN_TOLERANCE)
+
+
+def test_a_dead_time_below_zero_is_one_of_earlier_commands() -> None:
+    """What a number that was never identified may be makes up for itself by such dead times."""
+    run, _ = hidden_run(LAB, NUMBERS, 60)
+    experiment = Experiment(run, LAB, "commands", 1000)
+    own, delay = np.zeros(9), "effects.delay.seconds"
+    first = experiment.predicted({**NUMBERS, delay: 2.0 * experiment.period}, own)
+    early = experiment.predicted({**NUMBERS, delay: -0.5 * experiment.period}, own)
+    earlier = experiment.predicted({**NUMBERS, delay: -3.0 * experiment.period}, own)
+    assert np.allclose(earlier[:-5], first[5:], atol=1e-6)
+    assert (earlier[:-1, 0] - early[:-1, 0])[np.argmax(run.block("command")[:, 0])] > 1e-4
