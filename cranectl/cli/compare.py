@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 @command.plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
 @click.option(
     "--replay",
-    type=click.Choice(["commands", "motion"]),
-    help="With a measured LOG: repeat its commands, or the motion of its bridge, trolley and rope. Default: "
-    "commands, if it has them.",
+    type=click.Choice(["commands", "lines", "motion"]),
+    help="With a measured LOG: repeat its commands, held from row to row, or along lines; or the motion of "
+    "bridge, trolley and rope. Default: commands, if it has them.",
 )
 @command.output_option("--out", MCAP, "With a measured LOG: write it with its predictions as an overlay.")
 @command.predict_option

@@ -32,8 +32,9 @@ IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane
 @sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option(
     "--replay",
-    type=click.Choice(["commands", "motion"]),
-    help="What drives the model. Default: the commands, if all logs have them.",
+    type=click.Choice(["commands", "lines", "motion"]),
+    help="What drives the model: commands, held from row to row; lines between them, for slow logs; or the "
+    "motion of the axes. Default: what fits of the first two, if all logs have commands.",
 )
 @command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
@@ -110,7 +111,6 @@ def identify_command(
             "misfits": dict(result.misfits),
             "largest_m": [float(load.distance[load.largest]) for load in result.loads],
             "replay": result.replay,
-            "lines": result.lines,
             "estimates": [vars(estimate) for estimate in result.estimates],
             "unidentifiable": list(result.unidentifiable),
             "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],

@@ -54,7 +54,7 @@ def compare_measured(
     run = measured.run
     replayed = replay or default_replay(run)
     rig = run.scenario.rig
-    own = rig.model if replayed == "commands" and rig.model and Path(rig.model).is_file() else None
+    own = rig.model if replayed != "motion" and rig.model and Path(rig.model).is_file() else None
     names = plants or (REFERENCE_PLANT, *((plant_named(own),) if own else ()))
     for entry in (examine(plant, rig) for plant in names):
         if replayed == "motion" and "ideal" not in entry.drives:

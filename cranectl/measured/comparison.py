@@ -31,7 +31,7 @@ def predict(run: Run, plant: str, replay: Replay) -> Run:
             allowed="measured runs with positions and angles",
             remedy="map the columns of both angles, and import the files again",
         )
-    if replay == "commands" and not run.has("command"):
+    if replay != "motion" and not run.has("command"):
         raise InputError(
             "the measured run has no commands of the drives",
             allowed="--replay motion",

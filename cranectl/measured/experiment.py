@@ -55,7 +55,7 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     """Return the numbers that can be fitted, with their first values from `rig`."""
     friction, size = rig.effects.friction, length_scale(rig.rope_range[1])
     fitted = []
-    if replay == "commands":
+    if replay != "motion":
         for axis in AXES:
             tau = float(getattr(rig, f"{axis}_time_constant"))
             fitted.append(Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau))
@@ -112,23 +112,22 @@ class Experiment:
     """A measured run, and how its readings are predicted from numbers of the crane.
 
     Besides the crane's numbers a run has some of its own: where the axes are at its start, what the sensors
-    of the angles read at zero, and how the load swings at the start: alpha, its rate, beta, its rate. Of the
-    readings, at most `most` are compared. With `lines`, set-points change along lines between samples.
+    of the angles read at zero, and how the load swings at the start: alpha, its rate, beta, its rate.
     """
 
-    def __init__(self, run: Run, rig: RigParameters, replay: Replay, most: int, lines: bool = False) -> None:
-        if replay == "commands" and not run.has("command"):
+    def __init__(self, run: Run, rig: RigParameters, replay: Replay, max_readings: int) -> None:
+        if replay != "motion" and not run.has("command"):
             raise InputError(
                 f"the run {run.scenario.name} has no commands of the drives",
                 allowed="runs with commands, or --replay motion",
                 remedy="add --replay motion",
             )
-        self.run, self.rig, self.replay, self.lines = run, rig, replay, lines
-        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // most, 1))
+        self.run, self.rig, self.replay = run, rig, replay
+        self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // max_readings, 1))
         self.period = run.scenario.period_ns / NANOSECONDS
         state = run.block("state")
         self.readings = state[:, 0::2]
-        self.commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
+        self.commands = measured_motion(run) if replay == "motion" else run.block("command")[:, :3]
         self.noise = reading_noise(rig)
         self.still_noise = self._still_noise()
         self.frequency = sqrt(rig.gravity / float(state[0, 4]))
@@ -141,8 +140,8 @@ class Experiment:
         self.start = state[0].copy()
         if self.at_rest:
             self.start[1::2] = 0.0
-        self.channels = slice(0, 5) if replay == "commands" else slice(3, 5)
-        self.compared = 5 if replay == "commands" else 2
+        self.channels = slice(3, 5) if replay == "motion" else slice(0, 5)
+        self.compared = 2 if replay == "motion" else 5
         noise = 10.0 * self.noise
         angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(state[0, 4])))
         swing_scale = [angles[0], angles[0] * self.frequency, angles[1], angles[1] * self.frequency]
@@ -157,7 +156,7 @@ class Experiment:
 
     def still_samples(self) -> int:
         """Return how many samples pass before the axes are moved, at least one."""
-        if self.replay == "commands":
+        if self.replay != "motion":
             # A controller that holds the axes commands small speeds, which the prediction repeats.
             limits = REST_SPEED * np.array(self.rig.effects.limits.velocity)
             beyond: Mask = np.abs(self.commands[:, :3] - self.commands[0, :3]) > limits
@@ -189,7 +188,7 @@ class Experiment:
     def _first_motion(self) -> str:
         """Return in words what moves at the start, or an empty text if the axes rest."""
         first = max(round(SHORT_SPAN / (self.frequency * self.period)), 2)
-        if self.replay == "commands":
+        if self.replay != "motion":
             limits = np.array(self.rig.effects.limits.velocity)
             moving = bool((np.abs(self.commands[0, :3]) >= REST_SPEED * limits).any())
         else:
@@ -206,7 +205,7 @@ class Experiment:
         if not self.at_rest:
             return own
         still = self.still_samples()
-        if self.replay == "commands":
+        if self.replay != "motion":
             own[:3] = self.readings[:still, :3].mean(axis=0) - self.readings[0, :3]
         time = self.period * np.arange(still)
         swings = np.column_stack([np.cos(self.frequency * time), np.sin(self.frequency * time)])
@@ -246,7 +245,7 @@ class Experiment:
         start[6:10] += own[self.compared :]
         commands = self.commands
         late = 0.0  # by which the plant's clock is behind that of the run, less than a period
-        if self.replay == "commands":
+        if self.replay != "motion":
             whole, late = divmod(rig.effects.delay.seconds, self.period)
             arrived = commands[(np.arange(len(commands)) - int(whole)).clip(0, len(commands) - 1)]
             commands = arrived * np.array(rig.effects.installation.drive_gain)
@@ -255,15 +254,9 @@ class Experiment:
             commands = commands.copy()
             commands[:, 2] -= offset
         scenario = crane_scenario(self.run.scenario, rig, self.replay)
-        scenario = with_longer_steps(scenario, self.run.drive if self.replay == "commands" else "ideal")
+        scenario = with_longer_steps(scenario, "ideal" if self.replay == "motion" else self.run.drive)
         simulated = simulate_replay(
-            self.run,
-            MODEL,
-            self.replay,
-            scenario=scenario,
-            commands=commands,
-            initial=start,
-            lines=self.lines,
+            self.run, MODEL, self.replay, scenario=scenario, commands=commands, initial=start
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
         state = simulated.block(STATE.name)

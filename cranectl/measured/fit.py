@@ -28,7 +28,6 @@ class Fit:
 
     rig: RigParameters
     replay: Replay
-    lines: bool  # whether set-points change along lines between the rows of the logs
     values: Mapping[str, float]
     known: Array  # covariance from noise and steps of the encoders (P, P)
     spread: Array  # covariance from the spread between runs (P, P)
@@ -47,7 +46,6 @@ def fit_text(result: Identification, runs: Sequence[Run]) -> str:
     """Return the file that keeps an identification for verdicts."""
     kept = {
         "replay": result.replay,
-        "lines": result.lines,
         "values": {estimate.name: estimate.value for estimate in result.estimates},
         "known": result.known.tolist(),
         "spread": result.spread.tolist(),
@@ -77,7 +75,6 @@ def read_fit(rig: Path) -> Fit:
         return Fit(
             rig=rig_with(load_rig(rig), values),
             replay=kept["replay"],
-            lines=bool(kept.get("lines")),
             values=values,
             known=known,
             spread=spread,

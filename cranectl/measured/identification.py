@@ -80,7 +80,6 @@ class Identification:
 
     rig: RigParameters  # with the fitted numbers
     replay: Replay
-    lines: bool  # whether set-points change along lines between the rows of the logs, or are held
     estimates: tuple[Estimate, ...]
     left_open: tuple["OpenNumber", ...]  # numbers of which these runs say nothing
     correlated: tuple[tuple[str, str, float], ...]  # pairs whose errors go together, with their correlation
@@ -119,7 +118,8 @@ def identify(
     """Fit the numbers of a crane to at least three measured runs of it.
 
     `rig` is what is known of the crane: masses of its axes, gravity, encoders, and first values. `replay`
-    says what drives the prediction; by default the commands, if all runs have them. `progress` is called
+    says what drives the prediction; by default the commands, if all runs have them, and of slow logs the
+    lines between them, if these leave clearly less misfit. `progress` is called
     with a sentence at each stage. Raises InputError for fewer than three runs, for two with the same
     readings, for runs without commands or angles, and if no reading tells a number of the crane.
     """
@@ -133,11 +133,11 @@ def identify(
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
     fit = _fitted(runs, rig, chosen, progress)
-    if chosen == "commands" and any(_rows_are_slow(run, rig) for run in runs):
+    if replay is None and has_commands and any(_rows_are_slow(run, rig) for run in runs):
         progress("again, with set-points that change between the rows")
-        other = _fitted(runs, rig, chosen, progress, lines=True)
+        other = _fitted(runs, rig, "lines", progress)
         if other.unknowns and other.misfit < CLEARLY_LESS * fit.misfit:
-            fit = other
+            fit, chosen = other, "lines"
     check_something_moves(fit)
     return _result(fit, rig, chosen)
 
@@ -153,8 +153,6 @@ def _fitted(
     rig: RigParameters,
     replay: Replay,
     progress: Progress,
-    *,
-    lines: bool = False,
     part: str = "",
 ) -> LeastSquares:
     """Return the least squares of the runs; no number is left if nothing moves.
@@ -162,13 +160,13 @@ def _fitted(
     Over many swings a small error of the rope's length turns the load's phase by whole swings, and the sum of
     squares has many minima. So the first parts of long runs are fitted first.
     """
-    experiments = [Experiment(run, rig, replay, MAX_READINGS // len(runs), lines) for run in runs]
+    experiments = [Experiment(run, rig, replay, MAX_READINGS // len(runs)) for run in runs]
     fit = LeastSquares(experiments, unknowns_of(rig, replay))
     long = [experiment.swings > MANY_SWINGS for experiment in experiments]
     if any(long):
         pairs = zip(runs, long, strict=True)
         parts = [first_samples(run, len(run.time_ns) // PARTS) if is_long else run for run, is_long in pairs]
-        fit.begin_at(_fitted(parts, rig, replay, progress, lines=lines, part="the first part of "))
+        fit.begin_at(_fitted(parts, rig, replay, progress, "the first part of "))
     fit.drop_without_effect()
     while fit.unknowns:
         progress(f"fitting {len(fit.unknowns)} numbers to {part}{len(runs)} runs")
@@ -238,7 +236,6 @@ def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identifica
     return Identification(
         rig=rig_with(rig, values),
         replay=replay,
-        lines=fit.experiments[0].lines,
         estimates=estimates_of(fit, further, of_encoders),
         left_open=_open_numbers(fit),
         correlated=tuple(pairs),

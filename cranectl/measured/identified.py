@@ -28,7 +28,7 @@ def rig_text(result: Identification, base: str, logs: str) -> str:
             line = f"{name} = {estimate.value:.8g}  # {_interval(estimate)}"
         if line not in tables[table]:
             tables[table].append(line)
-    if result.replay == "commands":
+    if result.replay != "motion":
         tables["effects.friction"].append("viscous = [0.0, 0.0, 0.0]  # part of time constants and gains")
     lines = [f"# Identified from {logs}, with 95 % intervals.", f'extends = "{base}"', *tables.pop("", [])]
     for table in sorted(tables):
@@ -38,7 +38,7 @@ def rig_text(result: Identification, base: str, logs: str) -> str:
 
 def campaign_text(result: Identification, rig: str, name: str, logs: str) -> str:
     """Return a campaign that varies the crane in the file `rig` within its intervals."""
-    drive = "velocity" if result.replay == "commands" else "ideal"
+    drive = "ideal" if result.replay == "motion" else "velocity"
     lines = [
         f"# The crane identified from {logs}, with what its intervals leave open.",
         f'name = "{name}"',

@@ -1,8 +1,9 @@
 """Predict a measured run: give its commands, or the motion of its pivot and rope, to a plant.
 
-`commands` gives the measured commands to the plant's drives of the same kind. `motion` moves bridge, trolley
-and rope as measured, with ideal drives, so that only the swing of the load is predicted. Both start from the
-first measured state, or at rest.
+`commands` gives the measured commands to the plant's drives of the same kind, and holds each until the next.
+`lines` does the same, and changes commands along lines: for slow logs, which miss most of them. `motion`
+moves bridge, trolley and rope as measured, with ideal drives, so that only the swing of the load is
+predicted. All start from the first measured state, or at rest.
 """
 
 from dataclasses import replace
@@ -29,7 +30,7 @@ from cranectl.support.errors import InputError
 LONGER_STEPS = 5.0  # times the step with which all plants agree to 1e-7
 LINE_PARTS = 4  # between two samples, in each of which a line of set-points is held at its middle
 
-Replay = Literal["commands", "motion"]
+Replay = Literal["commands", "lines", "motion"]
 
 
 def default_replay(run: Run) -> Replay:
@@ -51,22 +52,21 @@ def simulate_replay(
     scenario: Scenario | None = None,
     commands: Array | None = None,
     initial: Array | None = None,
-    lines: bool = False,
 ) -> Run:
     """Simulate what drives a measured run; the result has the same times, or fewer.
 
     `scenario` is the crane in place of that of the run. `commands` (N, 3), or positions, rates and
     accelerations of the axes (N, 9), replace the measured ones, and `initial` (10,) the first measured
-    state. With `lines`, commands change along lines between samples; else they are held.
+    state.
     """
     given = scenario = scenario or run.scenario
-    drive: Drive = run.drive if replay == "commands" else "ideal"
+    drive: Drive = "ideal" if replay == "motion" else run.drive
     if commands is None:
-        commands = run.block("command")[:, :3] if replay == "commands" else measured_motion(run)
+        commands = measured_motion(run) if replay == "motion" else run.block("command")[:, :3]
     state = run.block("state")
     start = state[0].copy() if initial is None else initial
-    time_ns, parts = run.time_ns, LINE_PARTS if lines else 1
-    if lines:
+    time_ns, parts = run.time_ns, LINE_PARTS if replay == "lines" else 1
+    if parts > 1:
         scenario = _with_shorter_period(scenario, parts)
         commands, state = _middles(commands, parts), np.repeat(state, parts, axis=0)[: 1 - parts]
         time_ns = scenario.period_ns * np.arange(len(commands))
@@ -85,7 +85,7 @@ def simulate_replay(
     simulated = simulate_run(
         scenario, plant=plant, drive=drive, design=design, plan=plan, compiled_controller=compiled
     )
-    if lines:
+    if parts > 1:
         kept = slice(None, None, parts)
         table, reference = simulated.table[kept], simulated.reference[kept]
         times = run.time_ns[: len(table)]

@@ -147,7 +147,7 @@ def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) 
 
 
 def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | None) -> RunVerdict:
-    experiment = Experiment(run, fit.rig, fit.replay, len(run.time_ns), fit.lines)
+    experiment = Experiment(run, fit.rig, fit.replay, len(run.time_ns))
     if len(run.time_ns) < MIN_JUDGED_SAMPLES:
         raise InputError(
             f"{name} has {len(run.time_ns)} samples",

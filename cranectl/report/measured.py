@@ -57,7 +57,8 @@ def estimates_table(estimates: Sequence[Estimate], title: str, note: str = "") -
 
 def identified_table(result: Identification) -> Table:
     """Return the fitted numbers, and how well the model repeats the runs."""
-    title = f"Identified from the {result.replay} of {result.runs} runs"
+    repeated = "motion" if result.replay == "motion" else "commands"
+    title = f"Identified from the {repeated} of {result.runs} runs"
     return estimates_table(result.estimates, title, _misfit_note(result))
 
 
@@ -81,8 +82,11 @@ def has_misfit(result: Identification) -> bool:
 def remarks(result: Identification, names: Sequence[str] = ()) -> list[str]:
     """Return in words what the runs of these names leave open, and whether the model fits them."""
     sentences = []
-    if result.lines:
-        sentences.append("set-points change between the rows of these logs, and are taken for straight lines")
+    if result.replay == "lines":
+        sentences.append(
+            "set-points change between the rows of these logs: they are taken for straight lines "
+            "(--replay commands holds them)"
+        )
     if result.unidentifiable:
         sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
     for a, b, correlation in result.correlated:

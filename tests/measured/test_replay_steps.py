@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.measured import replay
+from cranectl.measured.comparison import predict
 from cranectl.measured.experiment import Experiment, rig_with, unknowns_of
 from cranectl.measured.identification import identify
 from cranectl.measured.least_squares import LeastSquares, reduced_equations
@@ -15,9 +16,10 @@ from cranectl.scenario.effects import Rope
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from tests.measured.hidden import LAB, NUMBERS, hidden_numbers, measured_run, with_effects
+from tests.measured.hidden import LAB, NUMBERS, hidden_numbers, measured_run, run_of, with_effects
 from tests.measured.simulator import hidden_run
 
+KINDS: tuple[replay.Replay, ...] = ("lines", "commands")
 LARGEST_ERROR = 1e-3  # of the noise of a reading: nobody sees it
 
 
@@ -119,3 +121,19 @@ def test_a_fit_ends_where_short_steps_show_no_better_place() -> None:
         equations.append(reduced_equations(base, common, own))
     matrix, pull = (sum(part[n] for part in equations) for n in range(2))
     assert np.sqrt(pull @ np.linalg.solve(matrix, pull)) < 1.0  # standard deviations
+
+
+@pytest.mark.parametrize("plant", ["elastic", "mujoco"])
+@pytest.mark.parametrize("rows", [4, 8, 10])
+def test_lines_between_the_rows_of_a_slow_log_repeat_a_fast_one(plant: str, rows: int) -> None:
+    """The fast log holds its commands for 5 ms, so lines through some of them are early by 2.5 ms."""
+    fast = measured_run(LAB, {}, 2, seconds=6.0)
+    speeds = fast.block("command")[:, :3]
+    readings = fast.block("state")[:, 0::2]
+    slow = run_of(LAB, fast.time[::rows], readings[::rows], speeds[::rows])
+    expected = predict(fast, plant, "commands").load_position[::rows]
+    lines, held = (
+        float(np.linalg.norm(predict(slow, plant, by).load_position - expected, axis=1).max()) for by in KINDS
+    )
+    assert lines < 0.4 * held
+    assert lines < 4e-3
