@@ -39,7 +39,8 @@ class Fit:
     @property
     def errors(self) -> Errors:
         """What is not known of the numbers."""
-        return Errors(tuple(self.values), root_of(self.known), root_of(self.spread))
+        left_open = {n.name: {n.name: n.scale, **n.compensation} for n in self.left_open}
+        return Errors(tuple(self.values), root_of(self.known), root_of(self.spread), left_open)
 
 
 def fit_text(result: Identification, runs: Sequence[Run]) -> str:

@@ -13,7 +13,14 @@ import numpy as np
 
 from cranectl.measured.assembly import load_of
 from cranectl.measured.comparison import block_means, true_joints
-from cranectl.measured.experiment import ANGLE_SCALE, Experiment, encoders_of, reading_noise, stuck_angle
+from cranectl.measured.experiment import (
+    ANGLE_SCALE,
+    Experiment,
+    assumed_value,
+    encoders_of,
+    reading_noise,
+    stuck_angle,
+)
 from cranectl.support.arrays import Array
 
 READING_DRAWS = 400  # of the noise of a run
@@ -21,6 +28,7 @@ LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position i
 START_STEPS = 2  # of Gauss and Newton, to the start of a run
 MIN_NUMBER_CHANGE = 1e-4  # of a number, by which it is changed at least to see its effect
 SEED = 0  # of the draws
+FAR = 1e3  # [m, rad] of a change that ends the prediction
 MAX_REST_COST = 16.0  # of a start without a swing, in squared deviations: one of 3000 exceeds it by chance
 ROPE_ZERO = "effects.installation.rope_offset"
 ROPE = 2  # its place among a run's own numbers, if its commands are repeated
@@ -34,6 +42,7 @@ class Errors:
     names: tuple[str, ...]  # of the numbers (P,)
     known: Array  # errors whose size is known (K, P)
     spread: Array  # errors whose size is estimated from a few runs (S, P)
+    left_open: Mapping[str, Mapping[str, float]]  # numbers never identified: what changes if they do, by name
 
     @property
     def deviations(self) -> Array:
@@ -53,9 +62,12 @@ class UncertainPrediction:
     spread_modes: int  # how many of these, the last ones, have a size that is estimated
     noise: Array  # drawn changes of means by noise, also through the start (READING_DRAWS, B, C)
     least: Array  # standard deviation of a mean that encoders always leave (C,)
-    load_deviation: Array  # standard deviation of the load's position (N,) [m]
+    open_changes: (
+        Array  # changes of readings by numbers that were never identified, by their scales (K, N, 5)
+    )
+    load_deviation: Array  # standard deviation of the load's position, with these changes (N,) [m]
     load_noise: float  # largest distance of the load that noise alone explains at N samples [m]
-    widest_by: str  # number whose error adds most to the largest deviation of the load, or START
+    widest_by: str  # number that adds most to the largest deviation of the load, or START
 
     @property
     def deviation(self) -> Array:
@@ -73,6 +85,7 @@ def predict_with_errors(
     start = _estimated_start(experiment, values)
     own, base, own_slopes = start.own, start.readings, start.slopes
     at_rest = _changes_by_rest(experiment, values, start)
+    left_open = _changes_left_open(experiment, values, errors, start)
     curvature = _rope_curvature(experiment, values, own, base, own_slopes)
     slopes = np.concatenate([_number_slopes(experiment, values, errors, own, base), own_slopes])
     slopes = np.nan_to_num(slopes)  # of a prediction that has ended: its differences are infinite anyway
@@ -108,9 +121,11 @@ def predict_with_errors(
         slopes[errors.names.index(ROPE_ZERO), :, 2] -= 1.0
     loads = np.einsum("pnc,ncx->pnx", slopes, load_slopes)
     all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
-    shares = [np.tensordot(all_weights, loads, axes=1), np.einsum("pnc,ncx->pnx", at_rest, load_slopes)]
-    covariance = sum(np.einsum("rnx,rny->nxy", share, share) for share in shares)
+    further = np.einsum("pnc,ncx->pnx", np.concatenate([left_open, at_rest]), load_slopes)
+    shares = np.concatenate([np.tensordot(all_weights, loads, axes=1), further])  # (R + Q + K + 2, N, 3)
+    covariance = np.einsum("rnx,rny->nxy", shares, shares)
     deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
+    widest = int(np.argmax(deviation))
     return UncertainPrediction(
         readings=base,
         own=own,
@@ -119,9 +134,10 @@ def predict_with_errors(
         spread_modes=len(errors.spread),
         noise=np.array(noise),
         least=reading_noise(experiment.rig, block)[shown],
+        open_changes=left_open,
         load_deviation=deviation,
         load_noise=float(np.median(load_noise)),
-        widest_by=_widest_by(errors, all_weights, loads[:, int(np.argmax(deviation))]),
+        widest_by=_widest_by(errors, all_weights, loads[:, widest], further[:, widest]),
     )
 
 
@@ -187,6 +203,20 @@ def _changes_by_rest(experiment: Experiment, values: Mapping[str, float], start:
     return np.nan_to_num(changes)
 
 
+def _changes_left_open(
+    experiment: Experiment, values: Mapping[str, float], errors: Errors, start: Start
+) -> Array:
+    """Return by how much numbers that were never identified may change the readings (K, N, 5).
+
+    Each changes by its scale, and the others make up for it as the fitted runs let them.
+    """
+    changes = np.empty((len(errors.left_open), *start.readings.shape))
+    for k, change in enumerate(errors.left_open.values()):
+        moved = {n: values.get(n, assumed_value(experiment.rig, n)) + step for n, step in change.items()}
+        changes[k] = experiment.predicted({**values, **moved}, start.own) - start.readings
+    return np.nan_to_num(changes, nan=FAR)
+
+
 def _rope_curvature(
     experiment: Experiment, values: Mapping[str, float], own: Array, base: Array, slopes: Array
 ) -> Array:
@@ -235,11 +265,15 @@ def _load_slopes(experiment: Experiment, base: Array, own: Array, values: Mappin
     return slopes.transpose(1, 0, 2)
 
 
-def _widest_by(errors: Errors, weights: Array, loads: Array) -> str:
-    """Return the name of the number whose error moves the load most, given `loads` (P + Q, 3)."""
+def _widest_by(errors: Errors, weights: Array, loads: Array, further: Array) -> str:
+    """Return the name of the number that moves the load most, given `loads` (P + Q, 3).
+
+    `further` (K + 2, 3) are changes of the load by numbers that were left open, and by a start at rest.
+    """
     sizes = np.sqrt(np.square(weights).sum(axis=0)) * np.linalg.norm(loads, axis=1)
-    largest = int(np.argmax(sizes))
-    return errors.names[largest] if largest < len(errors.names) else START
+    largest = int(np.argmax([*sizes, *np.linalg.norm(further, axis=1)]))
+    starts = [START] * (len(sizes) - len(errors.names))
+    return [*errors.names, *starts, *errors.left_open, START, START][largest]
 
 
 def root_of(covariance: Array) -> Array:

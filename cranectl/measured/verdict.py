@@ -21,7 +21,7 @@ from cranectl.measured.comparison import (
     compare_readings,
     load_difference,
 )
-from cranectl.measured.experiment import MIN_SAMPLES_IN_SWING, Experiment, assumed_value
+from cranectl.measured.experiment import MIN_SAMPLES_IN_SWING, Experiment
 from cranectl.measured.fit import Fit
 from cranectl.measured.identity import overlap, trace_of
 from cranectl.measured.uncertainty import UncertainPrediction, predict_with_errors
@@ -60,6 +60,7 @@ class RunVerdict:
     swing: float  # amplitude of the load's swing at the start [rad], 0 if it may hang still
     tested: tuple[str, ...]  # channels whose predicted motion is several times its band
     widest_by: str  # what adds most to the band
+    needs: tuple[str, ...]  # numbers that were never identified, and move the readings of this run
 
     @property
     def statistic(self) -> float:
@@ -125,6 +126,7 @@ class RunVerdict:
             "noise_m": self.load.noise,
             "swing_at_start_rad": self.swing,
             "tested": list(self.tested),
+            "never_identified": list(self.needs),
         } | {name: value if np.isfinite(value) else None for name, value in numbers.items()}
 
 
@@ -179,7 +181,8 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
     verdict = RunVerdict(
         name=name,
         answer=NOT_DECIDED,
-        reason=_undecidable(experiment, prediction, fit),
+        reason=_undecidable(experiment, fit),
+        needs=_never_identified(experiment, prediction, fit),
         is_covered=probability >= allowed,
         probability=probability,
         limit=limit,
@@ -195,7 +198,7 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
     return replace(verdict, answer=answer, reason=reason)
 
 
-def _undecidable(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> str:
+def _undecidable(experiment: Experiment, fit: Fit) -> str:
     """Return why no run, or not this one, can be judged, or an empty text."""
     if not fit.converged:
         return "the optimiser that fitted the crane did not finish"
@@ -204,33 +207,30 @@ def _undecidable(experiment: Experiment, prediction: UncertainPrediction, fit: F
             f"the log is too slow: {experiment.samples_in_swing:.3g} samples in the shortest swing, and "
             f"{MIN_SAMPLES_IN_SWING:g} show one"
         )
-    if names := _never_identified(experiment, prediction, fit):
-        return f"this run needs numbers that were never identified: {', '.join(names)}"
     return ""
 
 
-def _never_identified(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> list[str]:
+def _never_identified(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> tuple[str, ...]:
     """Return the names of numbers that were not identified, and move the readings of this run."""
-    names, deviation, shown = [], prediction.deviation, experiment.channels
-    for number in fit.left_open:
-        values = {**fit.values, number.name: assumed_value(fit.rig, number.name) + number.scale}
-        for other, change in number.compensation.items():
-            values[other] += change
-        moved = experiment.predicted(values, prediction.own) - prediction.readings
-        effect = np.abs(block_means(np.nan_to_num(moved, nan=np.inf), experiment.block)[:, shown]) / deviation
-        if float(effect.max()) > MIN_OPEN_EFFECT:
-            names.append(number.name)
-    return names
+    effects = (
+        np.abs(block_means(change, experiment.block)[:, experiment.channels]) / prediction.deviation
+        for change in prediction.open_changes
+    )
+    names = zip(fit.errors.left_open, effects, strict=True)
+    return tuple(name for name, effect in names if float(effect.max()) > MIN_OPEN_EFFECT)
 
 
 def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
     """Return the answer for a run that can be decided, and the reason if the tolerance prevents it."""
     is_covered = verdict.is_covered
+    is_met = tolerance is not None and verdict.met_tolerance <= tolerance
+    if verdict.needs and not is_met:  # the band has what they leave open
+        return NOT_DECIDED, f"this run needs numbers that were never identified: {', '.join(verdict.needs)}"
     if is_covered and not verdict.tested:
         return NOT_DECIDED, f"nothing moved by more than {MIN_TESTED_MOTION:g} times its band"
     if tolerance is None:
         return (COVERED if is_covered else NOT_COVERED), ""
-    if verdict.met_tolerance <= tolerance:
+    if is_met:
         return (COVERED if is_covered else WITHIN_TOLERANCE), ""
     if is_covered or verdict.largest <= tolerance:
         needed = quantity(verdict.met_tolerance, "m")
