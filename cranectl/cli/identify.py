@@ -33,8 +33,8 @@ IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane
 @click.option(
     "--replay",
     type=click.Choice(["commands", "lines", "motion"]),
-    help="What drives the model: commands, held from row to row; lines between them, for slow logs; or the "
-    "motion of the axes. Default: what fits of the first two, if all logs have commands.",
+    help="What drives the model: commands, held from row to row; lines between them; or the motion of the "
+    "axes. Default: commands, if all logs have them; of slow logs, what fits of the first two.",
 )
 @command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"

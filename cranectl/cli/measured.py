@@ -44,7 +44,7 @@ def compare_measured(
 
     from cranectl.log.overlay import Layer, write_overlay
     from cranectl.measured.comparison import predict
-    from cranectl.measured.replay import default_replay
+    from cranectl.measured.replay import REPEATED, default_replay
     from cranectl.plants.model_files import examine, plant_named
     from cranectl.plants.registry import REFERENCE_PLANT
     from cranectl.support.provenance import provenance
@@ -66,7 +66,7 @@ def compare_measured(
     predicted = {plant: predict(run, plant, replayed) for plant in names}
     summaries = {plant: _residuals(prediction) for plant, prediction in predicted.items()}
     for plant, prediction in predicted.items():
-        title = f"measured minus predicted, {plant}, {replayed} repeated"
+        title = f"measured minus predicted, {plant}, {REPEATED[replayed]}"
         screen.print(residual_table(title, summaries[plant]))
         distance = np.linalg.norm(prediction.block("residual")[:, 5:], axis=1)
         worst = int(np.argmax(distance))

@@ -132,7 +132,9 @@ def validate_command(
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
     sources = Counter(_sources(scenarios) or scenario_names())
-    screen.print_each(f"{name} is given twice, and judged once" for name, n in sources.items() if n > 1)
+    screen.print_each(
+        f"{name} is given more than once, and judged once" for name, n in sources.items() if n > 1
+    )
     loaded, unloaded = _loaded(request, tuple(sources), plants, () if controllers else names)
     cases = [
         make_case(

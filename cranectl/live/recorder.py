@@ -111,6 +111,7 @@ class Recorder:
         self._path = path  # of the file that is open
         self._replacement = contextlib.ExitStack()  # renames the file after it is closed
         self._part: Path | None = None
+        self._target: KeptError | None = None
         self._file: foxglove.MCAPWriter | None = None
         self._before: Counter[str] = Counter()
 
@@ -129,11 +130,16 @@ class Recorder:
                 del metadata[f"run/{run.plant}"]  # known only at the end
             number = str(len(self.files) + 1)
             metadata["live"] = {"segment": number, "from_ns": str(from_ns), "reason": reason}
-            target = self._replacement.enter_context(KeptError(self._part))
-            self._file = open_file(target, self._context, metadata, file_attachments(runs))
+            self._target = KeptError(self._part)
+            self._file = open_file(self._target, self._context, metadata, file_attachments(runs))
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None
         self._before = self._publisher.sent.copy()
+
+    @property
+    def error(self) -> OSError | None:
+        """Why the file that is open cannot be written to its end, if so."""
+        return self._target.error if self._target else None
 
     def finish(self, runs: Sequence[Run], completed: bool, driven: Scenario | None = None) -> None:
         """Close the file and record in it how `runs` ended; a file without motion is discarded.
@@ -144,28 +150,30 @@ class Recorder:
         """
         if self._file is None:
             return
-        path, part, file = self._path, self._part, self._file
+        path, part, file, target = self._path, self._part, self._file, self._target
         assert part is not None
-        self._file = None
+        assert target is not None
+        self._file = self._target = None
         sent = self._publisher.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
         try:
             with interrupts_wait(), contextlib.suppress(_DiscardedError), self._replacement:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
-                for run in runs:
-                    status = run.status if run.status.stopped else running
-                    outcome = Outcome(status, run.end_ns, samples[run.plant])
-                    file.write_metadata(f"run/{run.plant}", outcome_metadata(outcome))
                 text = "" if driven is None else toml_text(driven.model_dump(exclude_unset=True))
-                if text:
-                    file.attach(
-                        log_time=0,
-                        create_time=0,
-                        name=DRIVEN,
-                        media_type="application/toml",
-                        data=text.encode(),
-                    )
-                file.close()
+                with target:
+                    for run in runs:
+                        status = run.status if run.status.stopped else running
+                        outcome = Outcome(status, run.end_ns, samples[run.plant])
+                        file.write_metadata(f"run/{run.plant}", outcome_metadata(outcome))
+                    if text:
+                        file.attach(
+                            log_time=0,
+                            create_time=0,
+                            name=DRIVEN,
+                            media_type="application/toml",
+                            data=text.encode(),
+                        )
+                    file.close()
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
                 check_complete(part, sent.total())

@@ -76,6 +76,7 @@ class LiveServer:
         self._runs = session.advance(0)
         self._recorded: set[str] = set()  # plants in the file that is open
         self._driven = False  # whether a user has driven by hand since the start
+        self._told: OSError | None = None  # error of the recording that viewers were told
         plants = [run.plant for run in self._runs]
         self._increments = Increments(session.scenario, session.plan, plants)
         self._listener = Listener(controls)
@@ -130,6 +131,9 @@ class LiveServer:
         # Send the clock first: open viewers take it as the time of the messages that follow.
         self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
         self._publisher.send(self._increments.messages(self._runs, self._session.origin_ns))
+        if (error := self._recorder.error) and error is not self._told:
+            self._told = error
+            self._say(f"the recording has ended: {error.strerror or error}", warning=True)
 
     def _execute(self, command: Command) -> None:
         if isinstance(command, LogText):

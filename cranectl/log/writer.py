@@ -150,6 +150,11 @@ class KeptError:
         """Pass on what is buffered."""
         self._attempt(self._stream.flush)
 
+    @property
+    def error(self) -> OSError | None:
+        """The error that is kept, if any."""
+        return self._errors[0] if self._errors else None
+
     def __enter__(self) -> Self:
         return self
 

@@ -136,7 +136,7 @@ def identify(
     if replay is None and has_commands and any(_rows_are_slow(run, rig) for run in runs):
         progress("again, with set-points that change between the rows")
         other = _fitted(runs, rig, "lines", progress)
-        if other.unknowns and other.misfit < CLEARLY_LESS * fit.misfit:
+        if other.done and other.unknowns and other.misfit < CLEARLY_LESS * fit.misfit:
             fit, chosen = other, "lines"
     check_something_moves(fit)
     return _result(fit, rig, chosen)

@@ -47,7 +47,6 @@ from cranectl.support.errors import InputError
 from cranectl.support.tables.columns import TableHead
 
 MAX_READING = 1e12  # [SI] of any signal
-STAMP_ERROR = 0.25  # of a row, by which the time stamp of a command may be late
 
 
 @dataclass(frozen=True)
@@ -310,11 +309,12 @@ def _check_sizes(name: str, readings: Readings, where: str) -> None:
 
 
 def _resampled(name: str, reading: Readings, time: Array) -> Array:
-    """Return a signal at even times (N,): the last command, and all others between two readings."""
+    """Return a signal at even times (N,): commands are held, and all others lie between two readings."""
     if name not in COMMANDS:
         return np.interp(time, reading.time, reading.values)
-    # Else a row whose stamp is slightly late, as of a clock that drifts, would count one sample late.
-    late = STAMP_ERROR * min(time[1] - time[0], float(np.median(np.diff(reading.time))))
-    rows = np.searchsorted(reading.time, time + late, side="right") - 1
+    # A command counts from the sample that is nearest to its stamp. From the next one on, all commands of a
+    # clock that drifts would be up to a row late.
+    half = 0.5 * min(time[1] - time[0], float(np.median(np.diff(reading.time))))
+    rows = np.searchsorted(reading.time, time + half, side="right") - 1
     last: Array = reading.values[rows.clip(0)]
     return last

@@ -6,6 +6,7 @@ moves bridge, trolley and rope as measured, with ideal drives, so that only the 
 predicted. All start from the first measured state, or at rest.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -28,9 +29,15 @@ from cranectl.support.errors import InputError
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
 # than 1e-4 of the noise of the laboratory's encoders (tests/measured/test_replay_steps.py).
 LONGER_STEPS = 5.0  # times the step with which all plants agree to 1e-7
-LINE_PARTS = 4  # between two samples, in each of which a line of set-points is held at its middle
+LINE_PARTS = (4, 5, 6, 8, 3, 2, 1)  # of a sample, the first that suits it; each holds a line at its middle
+MORE_STEPS = 4  # times those of a sample, which its parts may take
 
 Replay = Literal["commands", "lines", "motion"]
+REPEATED: Mapping[Replay, str] = {
+    "commands": "commands repeated",
+    "lines": "commands repeated along lines",
+    "motion": "motion repeated",
+}
 
 
 def default_replay(run: Run) -> Replay:
@@ -65,10 +72,11 @@ def simulate_replay(
         commands = measured_motion(run) if replay == "motion" else run.block("command")[:, :3]
     state = run.block("state")
     start = state[0].copy() if initial is None else initial
-    time_ns, parts = run.time_ns, LINE_PARTS if replay == "lines" else 1
-    if parts > 1:
-        scenario = _with_shorter_period(scenario, parts)
-        commands, state = _middles(commands, parts), np.repeat(state, parts, axis=0)[: 1 - parts]
+    time_ns, parts = run.time_ns, 1
+    if replay == "lines":
+        parts, scenario = _parted(scenario)
+        commands = _middles(commands, parts)
+        state = np.repeat(state, parts, axis=0)[: len(commands)]
         time_ns = scenario.period_ns * np.arange(len(commands))
     samples = len(time_ns)
     controller = MEASURED_MOTION if replay == "motion" else repeated_commands(DRIVES[drive].command)
@@ -85,21 +93,31 @@ def simulate_replay(
     simulated = simulate_run(
         scenario, plant=plant, drive=drive, design=design, plan=plan, compiled_controller=compiled
     )
-    if parts > 1:
-        kept = slice(None, None, parts)
-        table, reference = simulated.table[kept], simulated.reference[kept]
-        times = run.time_ns[: len(table)]
-        return replace(simulated, scenario=given, time_ns=times, table=table, reference=reference)
-    return simulated
+    if parts == 1:
+        return simulated
+    table, reference = (rows[::parts] for rows in (simulated.table, simulated.reference))
+    times = run.time_ns[: len(table)]
+    return replace(
+        simulated, scenario=given, time_ns=times, end_ns=int(times[-1]), table=table, reference=reference
+    )
 
 
-def _with_shorter_period(scenario: Scenario, parts: int) -> Scenario:
-    """Return the scenario with a control period of so many parts of its own."""
+def _parted(scenario: Scenario) -> tuple[int, Scenario]:
+    """Return into how many parts to cut the control period, and the scenario with such a period.
+
+    Periods and steps are whole nanoseconds, so parts of some periods have very short steps only.
+    """
     control = scenario.control
-    period = nanoseconds(control.period) // parts / NANOSECONDS
-    step = control.physics_step and longest_step(period, min(control.physics_step, period))
-    control = control.model_copy(update={"period": period, "physics_step": step})
-    return scenario.model_copy(update={"control": control})
+    whole, usual = nanoseconds(control.period), control.physics_step or control.period
+    for parts in LINE_PARTS:
+        period = whole // parts / NANOSECONDS
+        step = longest_step(period, min(usual, period))
+        if whole % parts == 0 and parts * period / step <= MORE_STEPS * max(control.period / usual, parts):
+            break
+    control = control.model_copy(
+        update={"period": period, "physics_step": step if control.physics_step else None}
+    )
+    return parts, scenario.model_copy(update={"control": control})
 
 
 def _middles(commands: Array, parts: int) -> Array:

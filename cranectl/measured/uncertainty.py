@@ -20,6 +20,7 @@ from cranectl.measured.experiment import (
     encoders_of,
     reading_noise,
     stuck_angle,
+    unknowns_of,
 )
 from cranectl.support.arrays import Array
 
@@ -115,13 +116,15 @@ def predict_with_errors(
     weights = np.vstack(
         [joined(errors.known, start.unseen), joined(errors.spread, np.zeros((0, starts)))]
     )  # (R, P + Q)
-    changes = [*at_rest, *(np.tensordot(weight, slopes, axes=1) for weight in weights)]
+    changes = [*at_rest, *left_open, *(np.tensordot(weight, slopes, axes=1) for weight in weights)]
     modes = [block_means(change, block)[:, shown] for change in changes]
     if ROPE_ZERO in errors.names:  # a longer rope, with the same reading
         slopes[errors.names.index(ROPE_ZERO), :, 2] -= 1.0
+    longer = np.array([change.get(ROPE_ZERO, 0.0) for change in errors.left_open.values()])
+    true_open = left_open - longer[:, None, None] * np.eye(5)[ROPE]
     loads = np.einsum("pnc,ncx->pnx", slopes, load_slopes)
     all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
-    further = np.einsum("pnc,ncx->pnx", np.concatenate([left_open, at_rest]), load_slopes)
+    further = np.einsum("pnc,ncx->pnx", np.concatenate([true_open, at_rest]), load_slopes)
     shares = np.concatenate([np.tensordot(all_weights, loads, axes=1), further])  # (R + Q + K + 2, N, 3)
     covariance = np.einsum("rnx,rny->nxy", shares, shares)
     deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
@@ -211,10 +214,15 @@ def _changes_left_open(
     Each changes by its scale, and the others make up for it as the fitted runs let them.
     """
     changes = np.empty((len(errors.left_open), *start.readings.shape))
+    lows = {unknown.name: unknown.low for unknown in unknowns_of(experiment.rig, experiment.replay)}
+    ended = np.isnan(start.readings)
     for k, change in enumerate(errors.left_open.values()):
-        moved = {n: values.get(n, assumed_value(experiment.rig, n)) + step for n, step in change.items()}
-        changes[k] = experiment.predicted({**values, **moved}, start.own) - start.readings
-    return np.nan_to_num(changes, nan=FAR)
+        moved = dict(values)
+        for name, step in change.items():
+            moved[name] = max(moved.get(name, assumed_value(experiment.rig, name)) + step, lows[name])
+        readings = experiment.predicted(moved, start.own)
+        changes[k] = np.where(ended, 0.0, np.nan_to_num(readings - start.readings, nan=FAR))
+    return changes
 
 
 def _rope_curvature(

@@ -61,6 +61,7 @@ class RunVerdict:
     tested: tuple[str, ...]  # channels whose predicted motion is several times its band
     widest_by: str  # what adds most to the band
     needs: tuple[str, ...]  # numbers that were never identified, and move the readings of this run
+    obstacle: str  # why no tolerance can decide this run, or an empty text
 
     @property
     def statistic(self) -> float:
@@ -181,7 +182,8 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
     verdict = RunVerdict(
         name=name,
         answer=NOT_DECIDED,
-        reason=_undecidable(experiment, fit),
+        reason="",
+        obstacle=_undecidable(experiment, fit),
         needs=_never_identified(experiment, prediction, fit),
         is_covered=probability >= allowed,
         probability=probability,
@@ -192,8 +194,6 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
         tested=tested,
         widest_by=prediction.widest_by,
     )
-    if verdict.reason:
-        return verdict
     answer, reason = answer_for(verdict, tolerance)
     return replace(verdict, answer=answer, reason=reason)
 
@@ -212,20 +212,25 @@ def _undecidable(experiment: Experiment, fit: Fit) -> str:
 
 def _never_identified(experiment: Experiment, prediction: UncertainPrediction, fit: Fit) -> tuple[str, ...]:
     """Return the names of numbers that were not identified, and move the readings of this run."""
-    effects = (
-        np.abs(block_means(change, experiment.block)[:, experiment.channels]) / prediction.deviation
-        for change in prediction.open_changes
-    )
-    names = zip(fit.errors.left_open, effects, strict=True)
-    return tuple(name for name, effect in names if float(effect.max()) > MIN_OPEN_EFFECT)
+    means = [
+        block_means(change, experiment.block)[:, experiment.channels] for change in prediction.open_changes
+    ]
+    others = np.square(prediction.deviation) - np.square(means).sum(axis=0)
+    deviation = np.sqrt(np.maximum(others, np.square(prediction.least)))
+    names = zip(fit.errors.left_open, means, strict=True)
+    return tuple(name for name, mean in names if float((np.abs(mean) / deviation).max()) > MIN_OPEN_EFFECT)
 
 
 def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
-    """Return the answer for a run that can be decided, and the reason if the tolerance prevents it."""
+    """Return the answer for a run, and the reason if it is not decided."""
+    if verdict.obstacle:
+        return NOT_DECIDED, verdict.obstacle
     is_covered = verdict.is_covered
     is_met = tolerance is not None and verdict.met_tolerance <= tolerance
+    needed = quantity(verdict.met_tolerance, "m")
     if verdict.needs and not is_met:  # the band has what they leave open
-        return NOT_DECIDED, f"this run needs numbers that were never identified: {', '.join(verdict.needs)}"
+        why = f"this run needs numbers that were never identified: {', '.join(verdict.needs)}"
+        return NOT_DECIDED, f"{why}; a tolerance of {needed} would be met"
     if is_covered and not verdict.tested:
         return NOT_DECIDED, f"nothing moved by more than {MIN_TESTED_MOTION:g} times its band"
     if tolerance is None:
@@ -233,7 +238,6 @@ def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
     if is_met:
         return (COVERED if is_covered else WITHIN_TOLERANCE), ""
     if is_covered or verdict.largest <= tolerance:
-        needed = quantity(verdict.met_tolerance, "m")
         size, band = quantity(verdict.largest, "m"), quantity(verdict.band, "m")
         why = f"the band of ± {band} is wider than your tolerance"
         if verdict.band <= tolerance:

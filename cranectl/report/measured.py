@@ -8,6 +8,7 @@ from matplotlib.figure import Figure as Drawing
 from cranectl.measured.comparison import ReadingsComparison
 from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.measured.identification import MAX_MISFIT, Estimate, Identification
+from cranectl.measured.replay import REPEATED
 from cranectl.measured.uncertainty import START
 from cranectl.measured.verdict import (
     BAND_DEVIATIONS,
@@ -153,7 +154,7 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
     largest = max(_largest_residuals(result))
     worst = max(result.misfits, key=lambda name: result.misfits[name])
     facts = (
-        Fact("Runs", str(result.runs), f"{result.replay} repeated on the plant {MODEL}"),
+        Fact("Runs", str(result.runs), f"{REPEATED[result.replay]} on the plant {MODEL}"),
         Fact("Numbers", str(len(result.estimates)), f"{len(result.unidentifiable)} more are left open"),
         Fact("Largest difference", quantity(largest, "m"), "between measured and fitted load"),
         Fact("Misfit", f"{result.misfit:.3g}", f"of {worst}; 1 for noise alone"),

@@ -105,6 +105,8 @@ def test_a_full_disk_is_told_once(short: Scenario, tmp_path: Path, capfd: pytest
     with full_disk():
         for _ in range(3):  # also messages after the first that fails
             publisher.send(streams([run]))
+        assert isinstance(recorder.error, OSError)
         with pytest.raises(LogError, match="File too large"):
             recorder.finish([run], completed=True)
     assert capfd.readouterr().err == ""
+    assert recorder.files == list(tmp_path.glob("*.mcap")) == []

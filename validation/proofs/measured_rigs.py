@@ -20,7 +20,7 @@ from cranectl.measured.identification import identify
 from cranectl.measured.identified import rig_text
 from cranectl.measured.importing import LogSource, import_runs, sources_of
 from cranectl.measured.mapping import read_map
-from cranectl.measured.verdict import NOT_DECIDED, RunVerdict, answer_for, judge
+from cranectl.measured.verdict import RunVerdict, answer_for, judge
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
@@ -79,10 +79,7 @@ def judged_runs(runs: Mapping[str, Run], fit: Fit) -> list[RunVerdict]:
 
 def answers(verdict: RunVerdict) -> dict[str, list[str]]:
     """Return answer and reason with each tolerance."""
-    given = dict.fromkeys(TOLERANCES, (NOT_DECIDED, verdict.reason))
-    if not verdict.reason:
-        given = {size: answer_for(verdict, size) for size in TOLERANCES}
-    return {f"{1000 * size:g} mm": list(answer) for size, answer in given.items()}
+    return {f"{1000 * size:g} mm": [*answer_for(verdict, size)] for size in TOLERANCES}
 
 
 def distances(verdict: RunVerdict) -> dict[str, float]:
