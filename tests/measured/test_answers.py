@@ -9,7 +9,8 @@ import pytest
 
 from cranectl.measured.experiment import REST_SPEED, Experiment
 from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
-from cranectl.measured.identification import Identification, identify
+from cranectl.measured.identification import Identification, OpenNumber, identify
+from cranectl.measured.uncertainty import _changes_by_rest, _estimated_start
 from cranectl.measured.verdict import COVERED, NOT_COVERED, NOT_DECIDED, WITHIN_TOLERANCE, RunVerdict, judge
 from cranectl.report.measured import asides, explanation, remarks
 from cranectl.simulate import Run
@@ -268,3 +269,28 @@ def test_a_dead_time_below_zero_is_one_of_earlier_commands() -> None:
     earlier = experiment.predicted({**NUMBERS, delay: -3.0 * experiment.period}, own)
     assert np.allclose(earlier[:-5], first[5:], atol=1e-6)
     assert (earlier[:-1, 0] - early[:-1, 0])[np.argmax(run.block("command")[:, 0])] > 1e-4
+
+
+@pytest.mark.parametrize(("swing", "may_rest"), [(0.0, True), (0.03, False)])
+def test_a_load_that_surely_swings_cannot_be_at_rest(swing: float, may_rest: bool, exact: Fit) -> None:
+    run, _ = hidden_run(LAB, NUMBERS, 50, swing=swing)
+    experiment = Experiment(run, exact.rig, "commands", 1000)
+    changes = _changes_by_rest(experiment, exact.values, _estimated_start(experiment, exact.values))
+    assert [bool(np.abs(change).max() > 1e-6) for change in changes] == [may_rest, may_rest]
+
+
+def test_a_zero_of_the_rope_that_was_left_open_moves_the_load_and_no_reading(exact: Fit) -> None:
+    name, scale = "effects.installation.rope_offset", 0.028
+    kept = [k for k, other in enumerate(exact.values) if other != name]
+    open_fit = replace(
+        exact,
+        values={other: value for other, value in exact.values.items() if other != name},
+        known=exact.known[np.ix_(kept, kept)],
+        spread=exact.spread[np.ix_(kept, kept)],
+        left_open=(OpenNumber(name, scale, {}),),
+    )
+    run, _ = hidden_run(LAB, NUMBERS, 60, axes=(2,))
+    known, unknown = verdict_on(run, exact), verdict_on(run, open_fit)
+    assert known.band < 0.1 * scale
+    assert unknown.band == pytest.approx(2.0 * scale, rel=0.05)
+    assert unknown.widest_by == name
