@@ -122,7 +122,7 @@ class LoadDifference:
     time: Array  # (N,) [s]
     measured: Array  # (N, 3)
     predicted: Array  # (N, 3), NaN after the end of a prediction
-    band: Array  # two standard deviations of the prediction, from numbers and start (N,)
+    band: Array  # 95 % band of the prediction, from numbers and start (N,)
     noise: float  # largest of N distances that noise and steps of the readings alone explain
 
     @property

@@ -40,7 +40,7 @@ class Fit:
     def errors(self) -> Errors:
         """What is not known of the numbers."""
         left_open = {n.name: {n.name: n.scale, **n.compensation} for n in self.left_open}
-        return Errors(tuple(self.values), root_of(self.known), root_of(self.spread), left_open)
+        return Errors(tuple(self.values), root_of(self.known), root_of(self.spread), self.runs - 1, left_open)
 
 
 def fit_text(result: Identification, runs: Sequence[Run]) -> str:

@@ -70,10 +70,16 @@ class LeastSquares:
         self._keep(effect > MIN_EFFECT)
 
     def drop_unidentifiable(self) -> bool:
-        """Leave out the numbers whose spread is too large; return whether there were any."""
+        """Leave out the numbers whose spread is too large; return whether there were any.
+
+        They get the values of the rig again, so the slopes at the fitted values do not hold any more.
+        """
         wide = self.deviations > MAX_SPREAD
+        if not wide.any():
+            return False
         self._keep(~wide)
-        return bool(wide.any())
+        self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
+        return True
 
     def _keep(self, kept: Mask) -> None:
         self.dropped += [u for u, keep in zip(self.unknowns, kept, strict=True) if not keep]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import t as student
 
 from cranectl.measured.assembly import load_of
 from cranectl.measured.comparison import block_means, true_joints
@@ -29,6 +30,7 @@ LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position i
 START_STEPS = 2  # of Gauss and Newton, to the start of a run
 MIN_NUMBER_CHANGE = 1e-4  # of a number, by which it is changed at least to see its effect
 SEED = 0  # of the draws
+BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
 FAR = 1e3  # [m, rad] of a change that ends the prediction
 MAX_REST_COST = 16.0  # of a start without a swing, in squared deviations: one of 3000 exceeds it by chance
 ROPE_ZERO = "effects.installation.rope_offset"
@@ -43,6 +45,7 @@ class Errors:
     names: tuple[str, ...]  # of the numbers (P,)
     known: Array  # errors whose size is known (K, P)
     spread: Array  # errors whose size is estimated from a few runs (S, P)
+    freedom: int  # degrees of freedom of that size
     left_open: Mapping[str, Mapping[str, float]]  # numbers never identified: what changes if they do, by name
 
     @property
@@ -66,9 +69,9 @@ class UncertainPrediction:
     open_changes: (
         Array  # changes of readings by numbers that were never identified, by their scales (K, N, 5)
     )
-    load_deviation: Array  # standard deviation of the load's position, with these changes (N,) [m]
+    load_band: Array  # 95 % band of the load's position, with these changes (N,) [m]
     load_noise: float  # largest distance of the load that noise alone explains at N samples [m]
-    widest_by: str  # number that adds most to the largest deviation of the load, or START
+    widest_by: str  # number that adds most to the widest band of the load, or START
 
     @property
     def deviation(self) -> Array:
@@ -123,12 +126,15 @@ def predict_with_errors(
     longer = np.array([change.get(ROPE_ZERO, 0.0) for change in errors.left_open.values()])
     true_open = left_open - longer[:, None, None] * np.eye(5)[ROPE]
     loads = np.einsum("pnc,ncx->pnx", slopes, load_slopes)
-    all_weights = np.vstack([weights, joined(np.zeros((0, numbers)), start_noise)])
+    # What is estimated from few runs has a t-distribution, as in the intervals of the numbers.
+    wider = np.ones(len(weights))
+    wider[len(weights) - len(errors.spread) :] = student.ppf(0.975, errors.freedom) / BAND_DEVIATIONS
+    all_weights = np.vstack([wider[:, None] * weights, joined(np.zeros((0, numbers)), start_noise)])
     further = np.einsum("pnc,ncx->pnx", np.concatenate([true_open, at_rest]), load_slopes)
     shares = np.concatenate([np.tensordot(all_weights, loads, axes=1), further])  # (R + Q + K + 2, N, 3)
     covariance = np.einsum("rnx,rny->nxy", shares, shares)
-    deviation = np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
-    widest = int(np.argmax(deviation))
+    band = BAND_DEVIATIONS * np.sqrt(np.linalg.eigvalsh(covariance)[:, -1].clip(min=0.0))
+    widest = int(np.argmax(band))
     return UncertainPrediction(
         readings=base,
         own=own,
@@ -138,7 +144,7 @@ def predict_with_errors(
         noise=np.array(noise),
         least=reading_noise(experiment.rig, block)[shown],
         open_changes=left_open,
-        load_deviation=deviation,
+        load_band=band,
         load_noise=float(np.median(load_noise)),
         widest_by=_widest_by(errors, all_weights, loads[:, widest], further[:, widest]),
     )

@@ -24,7 +24,7 @@ from cranectl.measured.comparison import (
 from cranectl.measured.experiment import MIN_SAMPLES_IN_SWING, Experiment
 from cranectl.measured.fit import Fit
 from cranectl.measured.identity import overlap, trace_of
-from cranectl.measured.uncertainty import UncertainPrediction, predict_with_errors
+from cranectl.measured.uncertainty import BAND_DEVIATIONS, UncertainPrediction, predict_with_errors
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -33,7 +33,6 @@ from cranectl.support.units import quantity
 ENOUGH_LARGER = 20  # draws with a larger statistic, from which their share is known well enough
 SEED = 0  # of the draws
 FALSE_ALARMS = 0.05  # probability that a model without error is called not covered, of all runs together
-BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
 MIN_TESTED_MOTION = 5.0  # times its band, by which a channel must move to be tested
 SURE_DEVIATIONS = 3.0  # standard deviations from which a swing at the start is no noise
 MIN_JUDGED_SAMPLES = 10  # of a run that is judged
@@ -172,7 +171,7 @@ def _judge_run(name: str, run: Run, fit: Fit, judged: int, tolerance: float | No
         prediction.readings,
         prediction.own,
         fit.values,
-        band=BAND_DEVIATIONS * prediction.load_deviation,
+        band=prediction.load_band,
         noise=prediction.load_noise,
     )
     allowed = FALSE_ALARMS / judged

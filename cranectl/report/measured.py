@@ -9,9 +9,8 @@ from cranectl.measured.comparison import ReadingsComparison
 from cranectl.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.measured.identification import MAX_MISFIT, Estimate, Identification
 from cranectl.measured.replay import REPEATED
-from cranectl.measured.uncertainty import START
+from cranectl.measured.uncertainty import BAND_DEVIATIONS, START
 from cranectl.measured.verdict import (
-    BAND_DEVIATIONS,
     COVERED,
     FALSE_ALARMS,
     NOT_COVERED,

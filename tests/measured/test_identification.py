@@ -11,8 +11,10 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
+from cranectl.measured.experiment import Experiment, unknowns_of
 from cranectl.measured.identification import Identification, identify
 from cranectl.measured.identified import campaign_text, rig_text
+from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.replay import positions_before
 from cranectl.report.measured import remarks
 from cranectl.scenario.load import load_rig
@@ -209,3 +211,18 @@ def test_a_simulated_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
                  "analytic", "--controller", "lqr", "--out", str(tmp_path / "a.mcap")]) == 0  # fmt: skip
     assert main(["identify", *[str(tmp_path / "a.mcap")] * 3, "--rig", "lab-rig"]) == 2
     assert "has no measured run with angles" in capsys.readouterr().err
+
+
+def test_a_number_that_is_left_out_has_the_value_of_the_rig_again(runs: list[Run]) -> None:
+    """Slopes and residuals at the fitted value stayed, and the others made up for it a thousand times."""
+    experiments = [Experiment(run, LAB, "commands", 1000) for run in runs[:3]]
+    fit = LeastSquares(experiments, unknowns_of(LAB, "commands"))
+    fit.drop_without_effect()
+    fit.solve(3.0)
+    kept = [unknown.name for unknown in fit.unknowns]
+    fit.deviations[kept.index("load_mass")] = 1.0
+    assert fit.drop_unidentifiable()
+    assert "load_mass" not in [unknown.name for unknown in fit.unknowns]
+    for (experiment, (base, _, _)), own in zip(fit.runs(), fit.own, strict=True):
+        again = experiment.residuals(fit.values(fit.common), own * experiment.own_scale)
+        assert np.array_equal(base, again)
