@@ -54,7 +54,7 @@ class LeastSquares:
         slopes = experiment.own_slopes(self.values(common), own * own_scale, predicted, own_steps)
         by_own = [-experiment.weighted(slope) * scale for slope, scale in zip(slopes, own_scale, strict=True)]
         by_own = np.nan_to_num(np.array(by_own)).T
-        return base, np.array(by_common).reshape(len(common), -1).T, by_own
+        return base, np.array(by_common).reshape(len(common), len(base)).T, by_own
 
     def begin_at(self, other: "LeastSquares") -> None:
         """Begin at the numbers of a fit to parts of the same runs."""

@@ -226,3 +226,7 @@ def test_a_number_that_is_left_out_has_the_value_of_the_rig_again(runs: list[Run
     for (experiment, (base, _, _)), own in zip(fit.runs(), fit.own, strict=True):
         again = experiment.residuals(fit.values(fit.common), own * experiment.own_scale)
         assert np.array_equal(base, again)
+    fit.deviations = np.ones(len(fit.unknowns))
+    assert fit.drop_unidentifiable()
+    assert not fit.unknowns, "nothing is left to be fitted, which identify then says"
+    assert [by_common.shape for _, by_common, _ in fit.parts] == [(len(base), 0) for base, _, _ in fit.parts]
