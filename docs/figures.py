@@ -120,11 +120,12 @@ def observers() -> Figure:
 
 def verdicts() -> Figure:
     """Draw the statistic of the verdicts on unchanged and on changed cranes, from the proof's results."""
-    rows = json.loads(IDENTIFICATION.read_text(encoding="utf-8"))["verdicts"]
-    kinds = list(dict.fromkeys(kind for _, kind, _, _ in rows))
+    exact = json.loads(IDENTIFICATION.read_text(encoding="utf-8"))["parts"]["exact"]
+    rows = [row for facts in exact.values() for row in facts["rows"]]
+    kinds = list(dict.fromkeys(row["kind"] for row in rows))
     figure, axes = canvas(3.6)
     for answer, colour, marker in (("covered", COLOURS[2], "o"), ("not covered", COLOURS[1], "x")):
-        shown = [(statistic, kinds.index(kind)) for _, kind, own, statistic in rows if own == answer]
+        shown = [(row["T"], kinds.index(row["kind"])) for row in rows if row["answer"] == answer]
         axes.plot(*zip(*shown, strict=True), marker, color=colour, ls="", ms=5, alpha=0.7, label=answer)
     axes.set_xscale("log")
     axes.set_yticks(range(len(kinds)), kinds)

@@ -1,18 +1,33 @@
-"""Identify cranes that are hidden in a simulator of its own, and judge new runs: how exact, how often wrong.
+"""Identify hidden cranes, and judge new runs: how exact the numbers are, and how often answers are wrong.
 
-    .venv/bin/python -m validation.proofs.identification            # 12 rigs, into identification.json
-    .venv/bin/python -m validation.proofs.identification --rigs 2 --imperfect 1 --out two.json
+    .venv/bin/python -m validation.proofs.identification --truth    # hide cranes, by a new seed; commit it
+    .venv/bin/python -m validation.proofs.identification --jobs 2   # all parts, into identification.json
+    .venv/bin/python -m validation.proofs.identification --part exact --cranes 2
 
-Each rig has another size, from 1 to 25 times the laboratory rig's, and other numbers than those from which
-the fit starts. The simulator shares nothing with the models (tests/measured/simulator.py). Imperfect cranes
-have what no model has: backlash, rails that give, and friction that depends on speed and direction. All
-estimates are written before any true number is compared.
+Each crane has another size, from 1 to 25 times the laboratory rig's, and other numbers than those from which
+the fit starts. The simulator shares nothing with the models (tests/measured/simulator.py). The truth is
+written before any run, and no part runs without it. What is in the file is not computed again; fits are kept
+in build/.
+
+- exact: cranes that the models describe; and nine changes of each
+- imperfect: each crane has some flaws that no model has; and nine changes of it
+- periods: the same from logs that are up to 20 times slower; a period of 100 ms is too slow for a swing of
+  1.7 s. Periods grow with the root of the size, as swings do
+- starts: runs that begin with a swing of 0, 1 and 5 mrad
+- degenerate: logs that say nothing, or that were used
+- calibration: unchanged runs of further cranes, whose probabilities must be even from 0 to 1. Runs of one
+  crane share the errors of its fit, so there are many cranes
 """
 
 import argparse
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+import secrets
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from itertools import chain
+from math import pi, sqrt
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,235 +35,311 @@ from typing import Any
 import numpy as np
 
 from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
-from cranectl.measured.identification import Identification, identify
+from cranectl.measured.identification import identify
 from cranectl.measured.verdict import (
     COVERED,
-    NOT_COVERED,
     NOT_DECIDED,
-    WITHIN_TOLERANCE,
     RunVerdict,
     answer_for,
     judge,
 )
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.similarity import completed_rig, length_scale
+from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
-from tests.measured.hidden import hidden_numbers
-from tests.measured.simulator import NO_DEFECTS, Defects, hidden_run
+from cranectl.support.errors import InputError
+from tests.measured.disguises import disguises
+from tests.measured.hidden import run_of, set_points
+from tests.measured.simulator import NO_DEFECTS, Defects, Truth
+from validation.proofs.hidden_cranes import (
+    CRANES,
+    PERIOD,
+    SECONDS,
+    UNCHANGED,
+    Crane,
+    Numbers,
+    changes,
+    drawn_crane,
+)
+from validation.proofs.identification_results import summary
 
-SEED = 2912
-LARGEST = 25.0  # times the laboratory rig
-RUNS, CLEAN = 4, 4  # runs that are fitted, and unchanged ones that are judged
-CLEAN_KIND = "unchanged"
-DEAD_TIME = "effects.delay.seconds"
 DATA = Path(__file__).with_name("identification.json")
-ROPE = 1.4  # [m] of the laboratory rig
-GUSTS = 0.5  # [m/s] on the laboratory rig
-TILT = 0.003  # [rad]
-START_SWING = 0.001  # [rad] of imperfect cranes
-DECISIVE = 2.0  # times the tolerance, from which a true difference must be found
+FITS = Path(__file__).resolve().parents[2] / "build" / "identification"
+FITTED = 4  # runs
+EXACT_UNCHANGED, IMPERFECT_UNCHANGED, FEW_UNCHANGED = 17, 4, 2  # judged runs of each crane
+FEW_CHANGES = 3  # of the nine, in turn from crane to crane
+SLOW_PERIODS = (0.02, 0.05, 0.1)  # [s] on the laboratory rig, besides PERIOD
+SWINGS = (0.0, 0.001, 0.005)  # [rad] at the start
+USUAL_SWING = 0.001  # [rad] of imperfect cranes
+CALIBRATED, CALIBRATION_RUNS = 40, 5  # cranes, and judged runs of each
+SHORT = 8.0  # [s] of a run of the calibration, on the laboratory rig
+REFUSED = "refused"
 
-Numbers = dict[str, float]
-
-
-def drawn_rig(rng: np.random.Generator) -> RigParameters:
-    """Return a rig of another size, scaled from the laboratory rig."""
-    size = float(np.exp(rng.uniform(0.0, np.log(LARGEST))))
-    stated = {"rope_range": [0.1 * size, ROPE * size]}
-    return parse_settings(RigParameters, completed_rig(stated), "a drawn rig")
+Row = dict[str, Any]
 
 
-def imperfect(rig: RigParameters) -> Defects:
-    """Return what an imperfect crane of this size has and no model knows."""
-    size = length_scale(rig.rope_range[1])
-    return Defects(backlash=1e-4 * size, frame_hertz=10.0 / size**0.5, stribeck=0.2, uneven=0.1)
+class Fitted:
+    """A crane with the fit to some runs of it, which is kept."""
 
-
-def changes(rig: RigParameters, numbers: Numbers, period: float) -> dict[str, tuple[Numbers, Defects]]:
-    """Return kinds of change: other numbers, and what else the crane then has."""
-    size = length_scale(rig.rope_range[1])
-    offset, delay = "effects.installation.rope_offset", DEAD_TIME
-    return {
-        "load + 20 %": ({**numbers, "load_mass": 1.2 * numbers["load_mass"]}, NO_DEFECTS),
-        "drives 10 % slower": (
-            {n: 1.1 * v if n.endswith("time_constant") else v for n, v in numbers.items()},
-            NO_DEFECTS,
-        ),
-        "rope + 2 %": ({**numbers, offset: numbers[offset] + 0.02 * rig.rope_range[1]}, NO_DEFECTS),
-        "dead time + 2 samples": ({**numbers, delay: numbers[delay] + 2.0 * period}, NO_DEFECTS),
-        "elastic rope": (numbers, Defects(rope_stiffness=5000.0 * rig.load_mass)),
-        "load under its hook": (numbers, Defects(hook_length=0.1 * size)),
-        "soft frame": (numbers, Defects(frame_hertz=9.0 / size**0.5)),
-        "gusts": (numbers, Defects(gust=GUSTS * size**0.5)),
-        "rails 3 mrad off": (numbers, Defects(tilt=(TILT, TILT))),
-        "weak drives": (numbers, Defects(force_limit=0.25)),
-    }
-
-
-def joined(one: Defects, other: Defects) -> Defects:
-    """Return the defects of both."""
-    return replace(one, **{name: getattr(other, name) for name in other.names})
-
-
-def main() -> None:
-    """Identify, write, compare, judge."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--rigs", type=int, default=12)
-    parser.add_argument("--imperfect", type=int, default=12, help="of these, tried with errors of the model")
-    parser.add_argument("--out", type=Path, default=DATA)
-    arguments = parser.parse_args()
-    rngs = [np.random.default_rng([SEED, k]) for k in range(arguments.rigs)]
-    drawn = [(rig := drawn_rig(rng), hidden_numbers(rig, rng)) for rng in rngs]
-    fits = []
-    rigs: list[dict[str, Any]] = []
-    for k, (rig, numbers) in enumerate(drawn):
-        runs = [hidden_run(rig, numbers, 1000 * k + seed, **timing_of(rig))[0] for seed in range(RUNS)]
-        result = identify(runs, rig)
-        fits.append(fit_of(result, runs))
-        rigs.append(
-            {
-                "size": length_scale(rig.rope_range[1]),
+    def __init__(
+        self, crane: Crane, k: int, folder: Path, name: str, has: Defects, *, period: float = PERIOD,
+        swing: float = 0.0, **more: Any,
+    ) -> None:  # fmt: skip
+        self.crane, self.k, self.has = crane, k, has
+        self.common: dict[str, Any] = {"period": period, "swing": swing}
+        path = crane.rig_file(folder, f"{name}-{k}")  # of this crane alone: others run at the same time
+        self.rig = load_rig(str(path))
+        if not fit_path(path).exists():
+            runs = [self.run(seed, **more)[0] for seed in range(FITTED)]
+            result = identify(runs, self.rig)
+            shown = {
                 "misfit": result.misfit,
                 "converged": result.converged,
                 "estimates": {e.name: [e.value, e.half_width] for e in result.estimates},
             }
+            path.with_suffix(".json").write_text(json.dumps(shown), encoding="utf-8")
+            fit_path(path).write_text(fit_text(result, runs), encoding="utf-8")
+        self.fit: Fit = read_fit(path)
+        self.facts: Row = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+
+    def run(self, seed: int, **more: Any) -> tuple[Run, Truth]:
+        """Return a run of this crane; seeds below FITTED are those of the fit."""
+        kept = {"changed": (self.crane.numbers, self.has), **self.common, **more}
+        return self.crane.run(self.rig, 100_000 * self.k + seed, **kept)
+
+    def changes(self) -> dict[str, tuple[Numbers, Defects]]:
+        """Return nine changes of the crane."""
+        return changes(self.crane, self.rig, self.has)
+
+    def some_changes(self) -> dict[str, tuple[Numbers, Defects]]:
+        """Return some of them, others for the next crane."""
+        kinds = [*self.changes().items()]
+        return dict(kinds[(FEW_CHANGES * self.k + n) % len(kinds)] for n in range(FEW_CHANGES))
+
+    def judged(self, first: int, kinds: Sequence[tuple[str, Row]]) -> Iterator[tuple[Row, RunVerdict | None]]:
+        """Yield a row and the verdict of a new run of each kind, which has other settings of a run."""
+        for n, (kind, settings) in enumerate(kinds):
+            run, truth = self.run(first + n, **settings)
+            yield judged_row(kind, run, self.fit, truth)
+
+    def with_tolerance(
+        self, first: int, unchanged: int, changed: Mapping[str, tuple[Numbers, Defects]], **settings: Any
+    ) -> list[Row]:
+        """Return rows of new runs, judged with the tolerance that unchanged ones have, and two bands."""
+        kinds = [(UNCHANGED, settings)] * unchanged
+        kinds += [(kind, {**settings, "changed": change}) for kind, change in changed.items()]
+        judged = [*self.judged(first, kinds)]
+        errors = [row["error"] for row, _ in judged if row["kind"] == UNCHANGED]
+        bands = [verdict.band for row, verdict in judged if row["kind"] == UNCHANGED and verdict]
+        tolerance = max(errors, default=0.0) + 2.0 * max(bands, default=0.0)
+        for row, verdict in judged:
+            row["tolerance"] = tolerance
+            if verdict:
+                row["answer"], row["reason"] = answer_for(verdict, tolerance)
+        return [row for row, _ in judged]
+
+
+def judged_row(kind: str, run: Run, fit: Fit, truth: Truth | None = None) -> tuple[Row, RunVerdict | None]:
+    """Return what a verdict says of a run, beside the truth."""
+    try:
+        (verdict,) = judge({kind: run}, fit)
+    except InputError as error:
+        return {"kind": kind, "answer": REFUSED, "reason": error.found, "error": 0.0}, None
+    row: Row = {
+        "kind": kind,
+        "answer": verdict.answer,
+        "reason": verdict.reason,
+        "p": verdict.probability,
+        "T": verdict.statistic,
+        "band": verdict.band,
+        "noise": verdict.load.noise,
+        "shown": verdict.largest,
+    }
+    if truth is not None:
+        predicted = np.nan_to_num(verdict.load.predicted, nan=np.inf)
+        for name, place in (("error", truth.sensed), ("unseen", truth.load)):
+            row[name] = float(np.linalg.norm(place - predicted, axis=1).max())
+        rope = float((truth.joints[:, 2]).min())
+        row["samples"] = 2.0 * pi * sqrt(rope / fit.rig.gravity) / float(run.time[1])
+    return row, verdict
+
+
+def exact_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge unchanged runs of an exact crane, and nine changes of it."""
+    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    kinds: list[tuple[str, Row]] = [(UNCHANGED, {})] * EXACT_UNCHANGED
+    kinds += [(kind, {"changed": change}) for kind, change in fitted.changes().items()]
+    return {**fitted.facts, "rows": [row for row, _ in fitted.judged(100, kinds)]}
+
+
+def imperfect_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs of an imperfect crane with a tolerance."""
+    fitted = Fitted(crane, k, folder, "imperfect", crane.flaws, swing=USUAL_SWING)
+    return {**fitted.facts, "rows": fitted.with_tolerance(200, IMPERFECT_UNCHANGED, fitted.changes())}
+
+
+def periods_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs of an imperfect crane, all in slow logs."""
+    facts: Row = {"rows": []}
+    for n, period in enumerate(SLOW_PERIODS):
+        name = f"period-{1e3 * period:.0f}"
+        fitted = Fitted(crane, k, folder, name, crane.flaws, period=period, swing=USUAL_SWING)
+        rows = fitted.with_tolerance(300 + 20 * n, FEW_UNCHANGED, fitted.some_changes())
+        facts["rows"] += [{**row, "period": period} for row in rows]
+    return facts
+
+
+def starts_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge runs that begin with a swing, of an exact crane and of an imperfect one."""
+    exact = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    imperfect = Fitted(crane, k, folder, "imperfect", crane.flaws, swing=USUAL_SWING)
+    facts: Row = {"rows": []}
+    for n, swing in enumerate(SWINGS):
+        new: list[tuple[str, Row]] = [(UNCHANGED, {"swing": swing})] * FEW_UNCHANGED
+        rows = [{**row, "crane": "exact"} for row, _ in exact.judged(400 + 20 * n, new)]
+        some = imperfect.some_changes()
+        rows += imperfect.with_tolerance(410 + 20 * n, FEW_UNCHANGED, some, swing=swing)
+        facts["rows"] += [{**row, "swing": swing} for row in rows]
+    return facts
+
+
+def degenerate_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge logs that say nothing, and logs that were used."""
+    fitted = Fitted(crane, k, folder, "exact", NO_DEFECTS)
+    rig, period, rng = fitted.rig, crane.period(), np.random.default_rng(k)
+    time = period * np.arange(round(SECONDS / PERIOD) + 1)
+    start, _ = set_points(rig, rng, time, ())
+    still, rows = np.zeros((len(time), 3)), []
+
+    def add(kind: str, allowed: Sequence[str], make: Callable[[], tuple[Run, Fit, Truth | None]]) -> None:
+        try:
+            row, _ = judged_row(kind, *make())
+        except InputError as error:
+            row = {"kind": kind, "answer": REFUSED, "reason": error.found}
+        rows.append({**row, "allowed": allowed})
+
+    constant = np.tile([*start, 0.0, 0.0], (len(time), 1))
+    add("constant", [NOT_DECIDED], lambda: (run_of(rig, time, constant, still), fitted.fit, None))
+    short = time[:2], constant[:2], still[:2]
+    add("two samples", [REFUSED], lambda: (run_of(rig, *short), fitted.fit, None))
+    for swing in (0.0, 0.005):
+        rest = partial(fitted.run, 500, motion=(start, still), swing=swing)
+        name = f"zero commands, swing of {1e3 * swing:g} mrad"
+        add(
+            name,
+            [NOT_DECIDED, COVERED] if swing else [NOT_DECIDED],
+            lambda rest=rest: with_fit(rest(), fitted),
         )
-        print(f"rig {k}: size {rigs[-1]['size']:.1f}, misfit {result.misfit:.3f}", flush=True)
-    arguments.out.write_text(json.dumps({"seed": SEED, "rigs": rigs}, indent=1), encoding="utf-8")
-    for row, (_, numbers) in zip(rigs, drawn, strict=True):
-        row["true"] = {name: numbers[name] for name in row["estimates"]}
-    data: dict[str, Any] = {"seed": SEED, "rigs": rigs, "verdicts": [], "tolerances": []}
-    for k, ((rig, numbers), fit) in enumerate(zip(drawn, fits, strict=True)):
-        for kind, verdict, _ in judged(k, rig, numbers, fit):
-            data["verdicts"].append([k, kind, verdict.answer, verdict.statistic])
-            print(k, kind, verdict.answer, f"T = {verdict.statistic:.1f}", flush=True)
-    for k, (rig, numbers) in enumerate(drawn[: arguments.imperfect]):
-        for row in with_tolerances(k, rig, numbers):
-            data["tolerances"].append(row)
-            print(*row, flush=True)
-    arguments.out.write_text(data_text(data), encoding="utf-8")
+    for axis, name in enumerate(("bridge", "trolley", "rope")):
+        one = partial(fitted.run, 510 + axis, axes=(axis,))
+        add(f"only {name} moves", [COVERED], lambda one=one: with_fit(one(), fitted))
+    lame = Fitted(crane, k, folder, "one-axis", NO_DEFECTS, axes=(1,))
+    add("an axis that the fit never saw", [NOT_DECIDED], lambda: with_fit(lame.run(520), lame))
+    used, _ = fitted.run(0)
+    for name, run in chain([("used", used)], disguises(used)):
+        add(name, [REFUSED], lambda run=run: (run, fitted.fit, None))
+    return {"rows": rows}
+
+
+def with_fit(done: tuple[Run, Truth], fitted: Fitted) -> tuple[Run, Fit, Truth]:
+    """Return a run, the fit that judges it, and the truth."""
+    return done[0], fitted.fit, done[1]
+
+
+def calibration_part(crane: Crane, k: int, folder: Path) -> Row:
+    """Judge short unchanged runs of an exact crane."""
+    fitted = Fitted(crane, k, folder, "short", NO_DEFECTS, seconds=SHORT)
+    kinds: list[tuple[str, Row]] = [(UNCHANGED, {"seconds": SHORT})] * CALIBRATION_RUNS
+    return {"rows": [row for row, _ in fitted.judged(600, kinds)]}
+
+
+PARTS: dict[str, Callable[[Crane, int, Path], Row]] = {
+    "exact": exact_part,
+    "imperfect": imperfect_part,
+    "periods": periods_part,
+    "starts": starts_part,
+    "degenerate": degenerate_part,
+    "calibration": calibration_part,
+}
+
+
+def run_part(part: str, k: int, crane: Row, folder: Path) -> tuple[int, Row]:
+    """Return the result of a part for the k-th crane."""
+    return k, PARTS[part](Crane.from_json(crane), k, folder)
+
+
+def hide(seed: int, out: Path) -> None:
+    """Write the truth of new cranes, in place of all results."""
+    with TemporaryDirectory() as folder:
+        cranes = [drawn_crane(seed, k, Path(folder)).to_json() for k in range(CALIBRATED)]
+    write({"seed": seed, "cranes": cranes, "parts": {}}, out)
+
+
+def write(data: Row, out: Path) -> None:
+    """Write the truth and the results, a line for each crane and each row, with six digits in results."""
+    text = json.dumps(data["parts"])
+    rounded = json.loads(text, parse_float=_six_digits, parse_constant=lambda _: None)
+    parts = []
+    for part, cranes in sorted(rounded.items()):
+        units = [
+            json.dumps({n: v for n, v in facts.items() if n != "rows"})[:-1]
+            + (", " if len(facts) > 1 else "")
+            + '"rows": [\n   '
+            + ",\n   ".join(map(json.dumps, facts["rows"]))
+            + "]}"
+            for facts in cranes.values()
+        ]
+        numbered = (f'"{k}": {text}' for k, text in zip(cranes, units, strict=True))
+        parts.append(f' "{part}": {{\n  ' + ",\n  ".join(numbered) + "}")
+    cranes, whole = ",\n  ".join(map(json.dumps, data["cranes"])), ",\n".join(parts)
+    text = f'{{"seed": {data["seed"]},\n "cranes": [\n  {cranes}],\n "parts": {{\n{whole}}}}}\n'
+    out.write_text(text, encoding="utf-8")
+
+
+def _six_digits(text: str) -> float:
+    return float(f"{float(text):.6g}")
+
+
+def main() -> None:
+    """Hide cranes, or run what is missing, and tell the results."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--truth", action="store_true", help="hide new cranes; the old results are lost")
+    parser.add_argument("--seed", type=int, help="of --truth; by default one that nobody knows before")
+    parser.add_argument("--part", choices=PARTS, action="append", help="by default all")
+    parser.add_argument(
+        "--cranes", type=int, help=f"how many of them; by default {CRANES}, and {CALIBRATED} for calibration"
+    )
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=DATA)
+    arguments = parser.parse_args()
+    if arguments.truth:
+        hide(secrets.randbelow(2**31) if arguments.seed is None else arguments.seed, arguments.out)
+        return
+    data = json.loads(arguments.out.read_text(encoding="utf-8"))
+    if "cranes" not in data:
+        parser.error(f"{arguments.out} has no truth; write it by --truth, and commit it")
+    folder = FITS / str(data["seed"])
+    folder.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(arguments.jobs, mp_context=get_context("spawn")) as pool:
+        for part in arguments.part or PARTS:  # in turn, since parts of a crane share its fits
+            done = data["parts"].get(part, {})
+            cranes = arguments.cranes or (CALIBRATED if part == "calibration" else CRANES)
+            missing = [k for k in range(cranes) if str(k) not in done]
+            tasks = [pool.submit(run_part, part, k, data["cranes"][k], folder) for k in missing]
+            for task in as_completed(tasks):
+                k, facts = task.result()
+                done = dict(sorted([*done.items(), (str(k), facts)], key=lambda item: int(item[0])))
+                data["parts"][part] = done
+                print(f"{part}, crane {k}: {shown_answers(facts['rows'])}", flush=True)
+                write(data, arguments.out)
+    data = json.loads(arguments.out.read_text(encoding="utf-8"))
     print("\n".join(f"{name}: {value}" for name, value in summary(data).items()))
 
 
-def fit_of(result: Identification, runs: Sequence[Run]) -> Fit:
-    """Return an identification as verdicts read it from its file."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "rig.toml"
-        path.write_text('extends = "lab-rig"\n')
-        fit_path(path).write_text(fit_text(result, runs))
-        return replace(read_fit(path), rig=result.rig)
-
-
-def timing_of(rig: RigParameters) -> dict[str, float]:
-    """Return length and period of a rig's runs [s], which grow with the root of its size."""
-    size = length_scale(rig.rope_range[1])
-    return {"seconds": 15.0 * size**0.5, "period": round(5.0 * size**0.5) / 1000.0}
-
-
-def judged(
-    k: int,
-    rig: RigParameters,
-    numbers: Numbers,
-    fit: Fit,
-    *,
-    has: Defects = NO_DEFECTS,
-    swing: float = 0.0,
-) -> Iterator[tuple[str, RunVerdict, float]]:
-    """Yield kind, verdict and true error [m] of new runs of the k-th rig, unchanged ones first.
-
-    The true error is that of the predicted load at any sample, as sensors without error would show it.
-    """
-    timing = timing_of(rig)
-    kinds: list[tuple[str, tuple[Numbers, Defects]]] = [(CLEAN_KIND, (numbers, NO_DEFECTS))] * CLEAN
-    kinds += changes(rig, numbers, timing["period"]).items()
-    for n, (kind, (crane, change)) in enumerate(kinds):
-        run, truth = hidden_run(
-            rig, crane, 1000 * k + 100 + n, **timing, swing=swing, defects=joined(has, change)
-        )
-        (verdict,) = judge({kind: run}, fit)
-        error = np.linalg.norm(truth.sensed - verdict.load.predicted, axis=1)
-        yield kind, verdict, float(np.nan_to_num(error, nan=np.inf).max())
-
-
-def with_tolerances(k: int, rig: RigParameters, numbers: Numbers) -> Iterator[list[Any]]:
-    """Yield rig, kind, answer, and true error, tolerance and band [m] of new runs of an imperfect crane.
-
-    The tolerance is the largest true error of the unchanged runs, and two bands.
-    """
-    has = imperfect(rig)
-    runs = [
-        hidden_run(rig, numbers, 1000 * k + seed, **timing_of(rig), swing=START_SWING, defects=has)[0]
-        for seed in range(RUNS)
-    ]
-    fit = fit_of(identify(runs, rig), runs)
-    rows = [*judged(k, rig, numbers, fit, has=has, swing=START_SWING)]
-    tolerance = max(error + 2.0 * v.band for kind, v, error in rows if kind == CLEAN_KIND)
-    for kind, verdict, error in rows:
-        answer = verdict.answer if verdict.reason else answer_for(verdict, tolerance)[0]
-        yield [k, kind, answer, error if np.isfinite(error) else None, tolerance, verdict.band]
-
-
-def data_text(data: Mapping[str, Any]) -> str:
-    """Return the results as JSON with a line for each rig and verdict, and six digits."""
-    rounded = json.loads(json.dumps(data), parse_float=lambda text: float(f"{float(text):.6g}"))
-    parts = (
-        f' "{name}": [\n  {rows}]'
-        for name in ("rigs", "verdicts", "tolerances")
-        for rows in [",\n  ".join(map(json.dumps, rounded[name]))]
-    )
-    return f'{{"seed": {SEED},\n' + ",\n".join(parts) + "}\n"
-
-
-def summary(data: Mapping[str, Any]) -> dict[str, str]:
-    """Return in words how exact the numbers are, and how often the verdicts err."""
-    inside: list[bool] = []
-    worst: dict[str, float] = {}
-    late = 0.0
-    for rig in data["rigs"]:
-        for name, (value, half_width) in rig["estimates"].items():
-            true = rig["true"][name]
-            inside.append(abs(value - true) <= half_width)
-            worst[name] = max(worst.get(name, 0.0), abs(value - true) / abs(true))
-            if name == DEAD_TIME:
-                late = max(late, abs(value - true) / rig["size"] ** 0.5)
-    converged = sum(rig["converged"] for rig in data["rigs"])
-    words = {
-        "converged": f"{converged} of {len(data['rigs'])}",
-        "numbers inside their intervals": f"{sum(inside)} of {len(inside)}",
-    }
-    words |= {f"largest error of {name}": f"{100.0 * error:.2f} %" for name, error in worst.items()}
-    words["largest error of the dead time"] = f"{1e6 * late:.0f} µs, over the root of the size"
-    kinds: dict[str, list[bool]] = {}
-    for _, kind, answer, _ in data["verdicts"]:
-        kinds.setdefault(kind, []).append(answer != COVERED)
-    words |= {
-        f"not covered, {kind}": f"{sum(not_covered)} of {len(not_covered)}"
-        for kind, not_covered in kinds.items()
-    }
-    return words | tolerance_summary(data["tolerances"])
-
-
-def tolerance_summary(rows: Sequence[Sequence[Any]]) -> dict[str, str]:
-    """Return in words how often answers with a tolerance are right, of imperfect cranes."""
-    clean = [row for row in rows if row[1] == CLEAN_KIND]
-    error = {id(row): np.inf if row[3] is None else row[3] for row in rows}
-    decisive = [row for row in rows if row[1] != CLEAN_KIND and error[id(row)] > DECISIVE * row[4]]
-    good = [row for row in rows if row[2] in (COVERED, WITHIN_TOLERANCE)]
-    return {
-        "imperfect cranes": str(len({row[0] for row in rows})),
-        "unchanged and within": f"{sum(row in good for row in clean)} of {len(clean)}",
-        "changed by twice the tolerance and not covered": (
-            f"{sum(row[2] == NOT_COVERED for row in decisive)} of {len(decisive)}"
-        ),
-        "false within": str(sum(error[id(row)] > row[4] for row in good if row[2] == WITHIN_TOLERANCE)),
-        "false covered": str(
-            sum(error[id(row)] > 2.0 * row[5] for row in rows if row[2] == COVERED and row[1] != CLEAN_KIND)
-        ),
-        "not decided": f"{sum(row[2] == NOT_DECIDED for row in rows)} of {len(rows)}",
-    }
+def shown_answers(rows: Sequence[Row]) -> str:
+    """Return how many runs had each answer."""
+    answers = [row["answer"] for row in rows]
+    return ", ".join(f"{answers.count(answer)} {answer}" for answer in dict.fromkeys(answers))
 
 
 if __name__ == "__main__":
