@@ -97,6 +97,16 @@ def _release(lock: FileLock) -> None:
     lock.release()
 
 
+def _write_end(file: foxglove.MCAPWriter, outcomes: Sequence[tuple[str, Outcome]], text: str) -> None:
+    """Write how the plants' runs ended, and a scenario that repeats the driving by hand; close the file."""
+    for plant, outcome in outcomes:
+        file.write_metadata(f"run/{plant}", outcome_metadata(outcome))
+    if text:
+        data = text.encode()
+        file.attach(log_time=0, create_time=0, name=DRIVEN, media_type="application/toml", data=data)
+    file.close()
+
+
 class _DiscardedError(Exception):
     """Discards a file without motion."""
 
@@ -160,20 +170,10 @@ class Recorder:
             with interrupts_wait(), contextlib.suppress(_DiscardedError), self._replacement:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 text = "" if driven is None else toml_text(driven.model_dump(exclude_unset=True))
+                states = {run.plant: run.status if run.status.stopped else running for run in runs}
+                outcomes = [(r.plant, Outcome(states[r.plant], r.end_ns, samples[r.plant])) for r in runs]
                 with target:
-                    for run in runs:
-                        status = run.status if run.status.stopped else running
-                        outcome = Outcome(status, run.end_ns, samples[run.plant])
-                        file.write_metadata(f"run/{run.plant}", outcome_metadata(outcome))
-                    if text:
-                        file.attach(
-                            log_time=0,
-                            create_time=0,
-                            name=DRIVEN,
-                            media_type="application/toml",
-                            data=text.encode(),
-                        )
-                    file.close()
+                    _write_end(file, outcomes, text)
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
                 check_complete(part, sent.total())

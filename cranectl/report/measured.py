@@ -83,10 +83,7 @@ def remarks(result: Identification, names: Sequence[str] = ()) -> list[str]:
     """Return in words what the runs of these names leave open, and whether the model fits them."""
     sentences = []
     if result.replay == "lines":
-        sentences.append(
-            "set-points change between the rows of these logs: they are taken for straight lines "
-            "(--replay commands holds them)"
-        )
+        sentences.append("set-points change between rows: they are taken for straight lines (--replay lines)")
     if result.unidentifiable:
         sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
     for a, b, correlation in result.correlated:
