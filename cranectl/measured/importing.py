@@ -1,7 +1,7 @@
 """Make runs from measured files: read the mapped columns, bring them to one clock, and check them.
 
-A run has samples at even times from 0 on. Positions and angles are interpolated between readings; commands
-hold their last value.
+A run has samples at even times from 0 on. Positions and angles are interpolated between readings; a command
+holds from the sample nearest to its time to the next command.
 """
 
 from collections.abc import Sequence
@@ -312,8 +312,8 @@ def _resampled(name: str, reading: Readings, time: Array) -> Array:
     """Return a signal at even times (N,): commands are held, and all others lie between two readings."""
     if name not in COMMANDS:
         return np.interp(time, reading.time, reading.values)
-    # A command counts from the sample that is nearest to its stamp. From the next one on, all commands of a
-    # clock that drifts would be up to a row late.
+    # A command counts from the sample nearest to its stamp. If it counted from the next sample, a clock that
+    # drifts would make all commands late by up to a row.
     half = 0.5 * min(time[1] - time[0], float(np.median(np.diff(reading.time))))
     rows = np.searchsorted(reading.time, time + half, side="right") - 1
     last: Array = reading.values[rows.clip(0)]

@@ -29,8 +29,8 @@ from cranectl.support.errors import InputError
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
 # than 1e-4 of the noise of the laboratory's encoders (tests/measured/test_replay_steps.py).
 LONGER_STEPS = 5.0  # times the step with which all plants agree to 1e-7
-LINE_PARTS = (4, 5, 6, 8, 3, 2, 1)  # of a sample, the first that suits it; each holds a line at its middle
-MORE_STEPS = 4  # times those of a sample, which its parts may take
+LINE_PARTS = (4, 5, 6, 8, 3, 2, 1)  # of a period; the first number whose parts have long steps is taken
+MORE_STEPS = 4  # times the physics steps of a period, which all of its parts may take
 
 Replay = Literal["commands", "lines", "motion"]
 REPEATED: Mapping[Replay, str] = {
@@ -121,7 +121,7 @@ def _parted(scenario: Scenario) -> tuple[int, Scenario]:
 
 
 def _middles(commands: Array, parts: int) -> Array:
-    """Return the commands at the middle of each part of the lines between samples (N, K), and the last."""
+    """Return the commands in the middle of each part of a line, which stand for it, and the last one."""
     shares = (np.arange(parts) + 0.5) / parts
     between = commands[:-1, None] + shares[:, None] * np.diff(commands, axis=0)[:, None]
     return np.vstack([between.reshape(-1, commands.shape[1]), commands[-1:]])

@@ -187,10 +187,11 @@ def _estimated_start(experiment: Experiment, values: Mapping[str, float]) -> Sta
 
 
 def _changes_by_rest(experiment: Experiment, values: Mapping[str, float], start: Start) -> Array:
-    """Return by how much readings change, beyond their slopes, if the load hangs still at first (2, N, 5).
+    """Return by how much slopes misstate the readings of a load that hangs still at first (2, N, 5).
 
-    A short pause hardly tells a slow swing from a wrong zero of the sensor. Friction of the pivot ends small
-    swings, which slopes at another swing do not show. Each angle has a change, of zeros if it surely swings.
+    A short pause hardly tells a slow swing from a wrong zero of the sensor. So a load at rest may get an
+    estimated swing. Friction of the pivot ends small swings, and slopes at that swing do not show it. There
+    is a change for each angle, of zeros if the pause shows that it swings.
     """
     changes = np.zeros((2, *start.readings.shape))
     covariance = np.linalg.inv(start.normal)
