@@ -54,7 +54,7 @@ class PlantSettings(Settings):
 class RigParameters(Settings):
     """Physical parameters of the rig, in SI units."""
 
-    gravity: Annotated[float, Field(ge=0.1, le=100.0)] = Field(
+    gravity: Annotated[float, Field(ge=1.0, le=30.0)] = Field(  # wider than from the Moon to Jupiter
         9.81, description="gravitational acceleration [m/s²]; the usual rounded value"
     )
     bridge_range: Range = Field(
