@@ -191,12 +191,12 @@ class LeastSquares:
             # Each place at which an axis rests has its own rounding error, so fitted places are rounded.
             fitted = (experiment.weighted(experiment.readings) - base).reshape(len(experiment.rows), -1)
             fitted = fitted * experiment.noise[experiment.channels]
-            reduced = without_own(by_common, by_own)
+            reduced = np.ascontiguousarray(without_own(by_common, by_own).T)  # products take a fifth of the time
             for draw in range(ENCODER_DRAWS):
                 exact = fitted + steps * rng.uniform(size=len(steps))
                 drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps
                 errors = (drawn - exact) / experiment.noise[experiment.channels]
-                pulls[:, draw] += reduced.T @ errors.ravel()
+                pulls[:, draw] += reduced @ errors.ravel()
         moved = self.inverse @ pulls
         covariance: Array = moved @ moved.T / ENCODER_DRAWS
         return covariance
