@@ -24,8 +24,8 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import cranectl
 from cranectl.support.provenance import syntax_of
+from cranectl.support.sources import exported
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ".ci/proven.json"
@@ -247,11 +247,15 @@ def imported_modules(tree: ast.AST) -> Iterator[str]:
             yield from (alias.name for alias in node.names if alias.name.partition(".")[0] in PACKAGES)
         elif isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in PACKAGES:
             for alias in node.names:
-                # The package imports its public names from their modules when they are first used.
-                home = cranectl._HOME.get(alias.name) if node.module == "cranectl" else None
-                yield f"cranectl.{home}" if home else f"{node.module}.{alias.name}"
+                yield home_of(node.module or "", alias.name)
         elif isinstance(node, ast.Constant) and (named := NAMED_MODULE.fullmatch(str(node.value))):
             yield named[1]
+
+
+def home_of(module: str, name: str) -> str:
+    """Return the dotted name of what is imported; faces of folders load their names when they are used."""
+    home = exported(ROOT.joinpath(*module.split("."))).get(name)
+    return ".".join(home.relative_to(ROOT).with_suffix("").parts) if home else f"{module}.{name}"
 
 
 def running_nodes(node: ast.AST) -> Iterator[ast.AST]:

@@ -3,7 +3,7 @@
 import sys
 
 from cranectl.cli import exit_codes
-from cranectl.support.interrupts import heed_interrupts, interrupt, is_caused_by_interrupt
+from cranectl.support import heed_interrupts, interrupt, is_caused_by_interrupt
 
 
 def main() -> int:

@@ -19,13 +19,11 @@ from cranectl.analysis.ladder import Size, deviation
 from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import EFFECTS
-from cranectl.scenario.settings import parse_settings
+from cranectl.scenario import EFFECTS, NANOSECONDS, Scenario, parse_settings
 from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.documents import merged
+from cranectl.support import merged
 
 IMPROVEMENTS = 5  # number of improvements that are tried
 DRIVE_AND_SENSOR_EFFECTS = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]

@@ -11,15 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from cranectl.controllers.flat import RUNNING, regularity
+from cranectl.controllers import RUNNING, regularity
 from cranectl.design import Design
-from cranectl.model.dynamics import angular_accelerations
-from cranectl.model.flatness import flat_output, linearising_input
-from cranectl.plants.analytic import AnalyticPlant, observe_load, passive_accelerations
-from cranectl.plants.dop853 import STAGES, A, B
+from cranectl.model import angular_accelerations, flat_output, linearising_input
+from cranectl.plants import STAGES, A, AnalyticPlant, B, observe_load, passive_accelerations
 from cranectl.reference import Trajectory, build_trajectory
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.scenario import NANOSECONDS, NO_EFFECTS, Scenario
 from cranectl.signals import (
     ACCELERATION,
     ALPHA,
@@ -42,13 +39,9 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.simulate import Plan, Run, plan_scenario
-from cranectl.simulate.memory import MAX_BYTES, check_several
-from cranectl.simulate.run import record_width
-from cranectl.simulate.signal_path import whole_record
+from cranectl.simulate import MAX_BYTES, Plan, Run, check_several, plan_scenario, record_width, whole_record
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit_called
+from cranectl.support import Array, jit_called
 
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
 SLACK_ROPE, COMPLETED = int(RunStatus.SLACK_ROPE), int(RunStatus.COMPLETED)

@@ -18,17 +18,20 @@ from cranectl.analysis.levels import (
     replace_effects,
     with_effects,
 )
-from cranectl.controllers.registry import controller_design, only_flat
+from cranectl.controllers import controller_design, only_flat
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants.capabilities import without_lacking
-from cranectl.plants.model_files import examine
-from cranectl.plants.plant import StepError
+from cranectl.plants import StepError, examine, without_lacking
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, make_plant, plan_reference, plan_scenario, simulate_run
-from cranectl.simulate.memory import MAX_BYTES, check_several
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_ascending
-from cranectl.support.errors import check_known
+from cranectl.simulate import (
+    MAX_BYTES,
+    Run,
+    check_several,
+    make_plant,
+    plan_reference,
+    plan_scenario,
+    simulate_run,
+)
+from cranectl.support import Array, check_ascending, check_known
 
 Progress = Callable[[float], None]  # called with simulated seconds
 

@@ -3,12 +3,20 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.scenario.effects import EFFECTS, Delay, EffectNumbers, EffectSettings
-from cranectl.scenario.load import held_files, with_files
-from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.similarity import check_size
+from cranectl.plants import Drive
+from cranectl.scenario import (
+    EFFECTS,
+    NANOSECONDS,
+    Delay,
+    EffectNumbers,
+    EffectSettings,
+    Scenario,
+    check_size,
+    held_files,
+    nanoseconds,
+    parse_settings,
+    with_files,
+)
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,18 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, open_models, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import runs_alone
+from cranectl.controllers import OPEN, SharedControllers, runs_alone
 from cranectl.loaders.opening import ControllerFile, open_again
-from cranectl.support.documents import Table
-from cranectl.support.errors import InputError
-from cranectl.support.interrupts import SIGNALS
-from cranectl.support.provenance import HARMLESS, PACKAGES, provenance_differences
-from cranectl.support.search_path import forget_safe_path, safe_path
+from cranectl.support import (
+    HARMLESS,
+    PACKAGES,
+    SIGNALS,
+    InputError,
+    Table,
+    forget_safe_path,
+    provenance_differences,
+    safe_path,
+)
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -14,15 +14,27 @@ import numpy as np
 
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
-from cranectl.plants.registry import plant_entry
-from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.scenario.effects import ALL_EFFECTS
-from cranectl.scenario.load import held_files, with_files
-from cranectl.scenario.settings import parse_settings
-from cranectl.support.arrays import Array
-from cranectl.support.documents import assign, leaves, mapped
-from cranectl.support.errors import SHOWN_NEAR_NAMES, InputError, did_you_mean, nearest_first
-from cranectl.support.units import exact_seconds
+from cranectl.plants import plant_entry
+from cranectl.scenario import (
+    ALL_EFFECTS,
+    NANOSECONDS,
+    Scenario,
+    held_files,
+    nanoseconds,
+    parse_settings,
+    with_files,
+)
+from cranectl.support import (
+    SHOWN_NEAR_NAMES,
+    Array,
+    InputError,
+    assign,
+    did_you_mean,
+    exact_seconds,
+    leaves,
+    mapped,
+    nearest_first,
+)
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
 PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period

@@ -12,8 +12,8 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 import numpy as np
 from pydantic import Field, model_validator
 
-from cranectl.scenario.settings import RuleError, Settings
-from cranectl.support.arrays import Array
+from cranectl.scenario import RuleError, Settings
+from cranectl.support import Array
 
 Ends = tuple[float, float]
 Levels = Annotated[int, Field(ge=1, le=10_000)]

@@ -35,9 +35,8 @@ from cranectl.campaign.summary import (
     summarize,
 )
 from cranectl.metrics import low_is_bad
-from cranectl.plants.registry import reference_plant
-from cranectl.support.arrays import Array
-from cranectl.support.documents import mapped
+from cranectl.plants import reference_plant
+from cranectl.support import Array, mapped
 
 LISTED_RUNS = 3  # runs listed for each plant and controller
 ONE_AT_A_TIME = "one-at-a-time"  # its samples do not spread over the distribution: no correlations

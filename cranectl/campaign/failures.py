@@ -6,8 +6,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from cranectl.campaign.summary import CONFIDENCE, GroupSummary
-from cranectl.support.errors import InputError
-from cranectl.support.junit import JUnitCase
+from cranectl.support import InputError, JUnitCase
 
 PERCENT = re.compile(r"\s*(\d{1,3}(?:\.\d{1,9})?)\s*%\s*")
 NUMBER = re.compile(r"\s*\d{1,9}\s*")

@@ -22,14 +22,12 @@ from cranectl.campaign.definition import (
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, CampaignSettings, read_campaign
-from cranectl.controllers.registry import checked_controller
+from cranectl.controllers import checked_controller
 from cranectl.planning import load_scenario
-from cranectl.plants.capabilities import check_scenario
-from cranectl.plants.model_files import examine, plant_named
+from cranectl.plants import check_scenario, examine, plant_named
 from cranectl.scenario import Scenario
-from cranectl.simulate.idle_settings import why_idle_on_plant
-from cranectl.support.counts import MAX_RUNS
-from cranectl.support.errors import InputError
+from cranectl.simulate import why_idle_on_plant
+from cranectl.support import MAX_RUNS, InputError
 
 SAMPLES_PER_CHECK = 2**17  # samples checked at a time, which limits memory
 BANDWIDTH = "effects.sensing.observer_bandwidth"

@@ -14,20 +14,11 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import UDP, controller_digests, controller_sources
+from cranectl.controllers import OPEN, UDP, controller_digests, controller_sources
 from cranectl.loaders.opening import file_from
-from cranectl.plants.model_files import BATCH, examine, model_plants
-from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
-from cranectl.scenario import Scenario
-from cranectl.scenario.recorded import without_file_names
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import MetricSettings
-from cranectl.scenario.settings import parse_settings
-from cranectl.support import documents
-from cranectl.support.documents import Table
-from cranectl.support.errors import InputError
-from cranectl.support.provenance import HARMLESS, provenance, provenance_differences
+from cranectl.plants import BATCH, PLANTS, PlantEntry, examine, model_plants, plant_sources
+from cranectl.scenario import MetricSettings, RigParameters, Scenario, parse_settings, without_file_names
+from cranectl.support import HARMLESS, InputError, Table, documents, provenance, provenance_differences
 
 FORMAT = 3
 RULE = 1  # version of the identities; parts of all formats have the same

@@ -13,13 +13,12 @@ from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
-from cranectl.log.writer import write_log
+from cranectl.log import write_log
 from cranectl.metrics import run_metrics
-from cranectl.plants.model_files import plant_argument
-from cranectl.plants.registry import plant_entry
+from cranectl.plants import plant_argument, plant_entry
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, check_known
+from cranectl.support import InputError, check_known
 
 
 @dataclass(frozen=True)

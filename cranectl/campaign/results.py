@@ -34,11 +34,8 @@ from cranectl.campaign.manifest import (
     start_facts,
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
-from cranectl.scenario.load import files_in, put_files, remove_files, with_files
-from cranectl.support.documents import Table, read_json
-from cranectl.support.errors import InputError
-from cranectl.support.files import exists, write_text, writing
-from cranectl.support.provenance import provenance_differences
+from cranectl.scenario import files_in, put_files, remove_files, with_files
+from cranectl.support import InputError, Table, exists, provenance_differences, read_json, write_text, writing
 
 MANIFEST_FILE = "campaign.json"
 PARTS = "parts"

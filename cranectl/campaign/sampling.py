@@ -15,8 +15,7 @@ import numpy as np
 
 from cranectl.campaign.definition import Campaign, UncertainParameter
 from cranectl.campaign.settings import Correlation
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.support import Array, InputError, unknown_name
 
 NUMBERS_PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 

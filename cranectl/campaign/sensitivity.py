@@ -25,7 +25,7 @@ from cranectl.campaign.statistics import (
     rank_correlations,
 )
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, Group, compared_parameters
-from cranectl.support.arrays import Array, Mask
+from cranectl.support import Array, Mask
 
 RESAMPLES = 1000  # of the bootstrap
 MIN_BASE_POINTS = 16  # for Sobol indices; the bootstrap of fewer is not reliable

@@ -7,16 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
-from cranectl.metrics.limits import Limits
-from cranectl.plants.model_files import plant_named
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import REFERENCE_PLANT, plant_entry
-from cranectl.scenario.load import rig_place
-from cranectl.scenario.settings import Assigned, RuleError, Settings, override, parse_settings
-from cranectl.support import resources
-from cranectl.support.counts import MAX_RUNS
-from cranectl.support.documents import leaves, read_toml
-from cranectl.support.errors import InputError, unknown_name
+from cranectl.metrics import Limits
+from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
+from cranectl.scenario import Assigned, RuleError, Settings, override, parse_settings, rig_place
+from cranectl.support import MAX_RUNS, InputError, leaves, read_toml, resources, unknown_name
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution

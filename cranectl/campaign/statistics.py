@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.summary import CONFIDENCE, QUANTILE_ROUNDING
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.consistency import check_ascending
+from cranectl.support import Array, Mask, check_ascending
 
 Bins = list[NDArray[np.intp]]  # indices of the rows in each bin
 

@@ -17,11 +17,9 @@ from cranectl.campaign.manifest import changes_of_software, has_lags
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
-from cranectl.metrics import all_metrics, low_is_bad
-from cranectl.metrics.limits import within
+from cranectl.metrics import all_metrics, low_is_bad, within
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.consistency import check_ascending, check_sum
+from cranectl.support import Array, Mask, check_ascending, check_sum
 
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # returns the values (runs,) of a column by its name; absent ones None or NaN

@@ -24,9 +24,7 @@ from typing import Any, Literal, NamedTuple
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.support.files import open_input, replacing
-from cranectl.support.interrupts import interrupts_wait
-from cranectl.support.provenance import FINGERPRINTS
+from cranectl.support import FINGERPRINTS, interrupts_wait, open_input, replacing
 
 Value = int | float | str | None
 Row = dict[str, Value]

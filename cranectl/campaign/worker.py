@@ -10,20 +10,24 @@ import numpy as np
 from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers.addressed import CompiledController
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers import CompiledController, controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants.capabilities import check_scenario
-from cranectl.plants.plant import Plant
-from cranectl.plants.steps import substeps
+from cranectl.plants import Plant, check_scenario, substeps
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
-from cranectl.simulate import PlannedReference, make_plant, plan_reference, plan_run, prepare_controller
-from cranectl.simulate.memory import check_planned
-from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import Block, start_run, stream_run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, MachineError, is_of_machine, with_retries
+from cranectl.simulate import (
+    Block,
+    PlannedReference,
+    check_planned,
+    make_plant,
+    plan_reference,
+    plan_run,
+    prepare_controller,
+    record_width,
+    start_run,
+    stream_run,
+)
+from cranectl.support import Array, InputError, MachineError, is_of_machine, with_retries
 
 Stop = Callable[[], bool]
 

@@ -23,13 +23,21 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import controller_digests, runs_alone
+from cranectl.controllers import OPEN, SharedControllers, controller_digests, runs_alone
 from cranectl.loaders.opening import open_again
-from cranectl.simulate.child import BLOCK_TIMEOUT
-from cranectl.support.children import Child, ChildError, requests, spawn_child
-from cranectl.support.documents import Table
-from cranectl.support.errors import InputError, MachineError, is_of_machine, report_to_parent, with_retries
+from cranectl.simulate import BLOCK_TIMEOUT
+from cranectl.support import (
+    Child,
+    ChildError,
+    InputError,
+    MachineError,
+    Table,
+    is_of_machine,
+    report_to_parent,
+    requests,
+    spawn_child,
+    with_retries,
+)
 
 # Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
 Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]

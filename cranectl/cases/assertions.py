@@ -10,34 +10,36 @@ from pathlib import Path
 from typing import Any, NamedTuple, ParamSpec
 
 from cranectl.cases.case import Case, prepare_case, simulate_case
-from cranectl.compare.agreement import (
+from cranectl.compare import (
     AgreementLimits,
     NoLimits,
-    against_reference,
-    ended_as_expected,
-    judge,
-    judge_steps,
-    limits_for,
-)
-from cranectl.compare.golden import (
     RegressionVerdict,
     Tolerances,
+    against_reference,
+    compare_runs,
+    differing_fields,
+    ended_as_expected,
+    first_differences,
+    judge,
     judge_regression,
+    judge_steps,
+    limits_for,
     load_tolerances,
     worst_first,
 )
-from cranectl.compare.runs import compare_runs, differing_fields, first_differences
-from cranectl.log.reader import describe_log, read_log
-from cranectl.log.writer import write_log
-from cranectl.metrics import run_metrics
-from cranectl.metrics.limits import broken_since, given_limits, judge_limits, limits_of
+from cranectl.log import describe_log, read_log, write_log
+from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.errors import InputError
-from cranectl.support.provenance import provenance, provenance_differences
-from cranectl.support.units import exact_seconds, quantity
+from cranectl.support import (
+    InputError,
+    checks_arguments,
+    exact_seconds,
+    provenance,
+    provenance_differences,
+    quantity,
+)
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different

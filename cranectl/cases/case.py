@@ -7,23 +7,23 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cranectl.cases.drive_use import beyond_drives
-from cranectl.compare.agreement import Agreement, against_reference, all_pairs, judge, judge_steps, limits_for
-from cranectl.compare.runs import compare_runs
-from cranectl.controllers.registry import controller_design
-from cranectl.log.header import check_recordable
-from cranectl.log.writer import check_writable, write_log
-from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.metrics.limits import LimitVerdict, judge_limits, limits_of
-from cranectl.plants.capabilities import check_effects
-from cranectl.plants.model_files import examine, plants_for
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plant_entry, reference_plant
+from cranectl.compare import (
+    Agreement,
+    against_reference,
+    all_pairs,
+    compare_runs,
+    judge,
+    judge_steps,
+    limits_for,
+)
+from cranectl.controllers import controller_design
+from cranectl.log import check_recordable, check_writable, write_log
+from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
+from cranectl.plants import Drive, check_effects, examine, plant_entry, plants_for, reference_plant
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
-from cranectl.simulate.child import BLOCK_TIMEOUT
-from cranectl.simulate.memory import check_runs
+from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.errors import InputError, describe_error, with_retries
+from cranectl.support import InputError, describe_error, with_retries
 
 LOG_DIRECTORY = Path("logs")
 

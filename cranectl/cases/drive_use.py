@@ -5,14 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.plants.capabilities import lacking
-from cranectl.plants.model_files import plant_argument
-from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import plant_entry
-from cranectl.scenario.effects import NO_LIMIT
-from cranectl.scenario.similarity import assumed_settings
+from cranectl.plants import DRIVES, lacking, plant_argument, plant_entry
+from cranectl.scenario import NO_LIMIT, assumed_settings
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 AXES = ("bridge", "trolley", "winch")
 UNITS = {"acceleration": "m/s²", "velocity": "m/s", "force": "N"}

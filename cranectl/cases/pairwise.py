@@ -9,14 +9,12 @@ import numpy as np
 
 from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
-from cranectl.compare.agreement import with_finer_steps
-from cranectl.compare.runs import compare_runs
-from cranectl.plants.registry import in_order, plant_entry
+from cranectl.compare import compare_runs, with_finer_steps
+from cranectl.plants import in_order, plant_entry
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_ascending
+from cranectl.support import Array, check_ascending
 
 SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
 SWING_ANGLES = (0.3, -0.2)  # at its start [rad]

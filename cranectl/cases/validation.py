@@ -8,15 +8,11 @@ from typing import Any, NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
-from cranectl.compare.agreement import Agreement
-from cranectl.controllers.registry import controller_argument
-from cranectl.metrics import all_metrics
-from cranectl.metrics.limits import LimitVerdict
-from cranectl.plants.model_files import plant_argument
-from cranectl.plants.registry import reference_plant
-from cranectl.support.consistency import check_sum
-from cranectl.support.junit import JUnitCase, Outcome
-from cranectl.support.units import difference_in, quantity, scaled
+from cranectl.compare import Agreement
+from cranectl.controllers import controller_argument
+from cranectl.metrics import LimitVerdict, all_metrics
+from cranectl.plants import plant_argument, reference_plant
+from cranectl.support import JUnitCase, Outcome, check_sum, difference_in, quantity, scaled
 
 PLANTS = "plants"  # key of a difference between plants
 

@@ -14,15 +14,19 @@ from multiprocessing.context import BaseContext
 from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import runs_alone
+from cranectl.controllers import OPEN, SharedControllers, runs_alone
 from cranectl.loaders.opening import open_again
-from cranectl.plants.model_files import model_plants
-from cranectl.plants.registry import PLANTS, PlantEntry
-from cranectl.support.children import Child, ChildError, requests, spawn_child
-from cranectl.support.errors import TRIES
-from cranectl.support.interrupts import interrupts_blocked, interrupts_wait
-from cranectl.support.search_path import safe_path
+from cranectl.plants import PLANTS, PlantEntry, model_plants
+from cranectl.support import (
+    TRIES,
+    Child,
+    ChildError,
+    interrupts_blocked,
+    interrupts_wait,
+    requests,
+    safe_path,
+    spawn_child,
+)
 
 # Loaded once before workers are forked, which saves each worker two seconds of imports.
 PRELOADED_MODULES = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]

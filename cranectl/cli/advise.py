@@ -9,7 +9,7 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support.files import HTML
+from cranectl.support import HTML
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice
@@ -50,7 +50,7 @@ def advise_command(
     cranectl advise fixed-position --set effects.delay.seconds=0.03 --set rig.bridge_time_constant=0.05
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
-    from cranectl.controllers.registry import flat_design
+    from cranectl.controllers import flat_design
     from cranectl.design import CONTROLLERS
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
 

@@ -14,10 +14,7 @@ from cranectl.cli.controller_options import controllers_option, opened, timeout_
 from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
-from cranectl.support.counts import MAX_DRAWS, MAX_WORKERS
-from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, PARQUET, exists
-from cranectl.support.resources import BENCHMARK_DIRECTORY
+from cranectl.support import BENCHMARK_DIRECTORY, HTML, MAX_DRAWS, MAX_WORKERS, PARQUET, InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.settings import Benchmark
@@ -35,7 +32,7 @@ def measured_controllers(
     of ours, or `named` has the file and the benchmark is in the working directory. Raises InputError for an
     unknown name.
     """
-    from cranectl.controllers.registry import checked_controller
+    from cranectl.controllers import checked_controller
 
     folder = benchmark.file.parent
     is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())

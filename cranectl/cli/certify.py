@@ -9,7 +9,7 @@ from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support.files import PLOTS
+from cranectl.support import PLOTS
 
 # Of the laboratory rig, and on another one scaled by similarity.
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
@@ -92,9 +92,9 @@ def certify_command(
     from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, present
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
-    from cranectl.controllers.registry import controller_design
+    from cranectl.controllers import controller_design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
-    from cranectl.scenario.similarity import length_scale, rounded
+    from cranectl.scenario import length_scale, rounded
     from cranectl.simulate import checked_drive
 
     if time_constant is not None:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
-from cranectl.support.errors import InputError
-from cranectl.support.files import JSON, Kind, check_place, kind_of
+from cranectl.support import JSON, InputError, Kind, check_place, kind_of
 
 if TYPE_CHECKING:
     from cranectl.scenario import Scenario
@@ -167,7 +166,7 @@ class ScenarioRequest(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario.load import default_scenario, read_scenario
+        from cranectl.scenario import default_scenario, read_scenario
 
         if self.source is None:
             return default_scenario(rig=self.rig, overrides=self.overrides)
@@ -191,7 +190,7 @@ class ScenarioRequest(NamedTuple):
 def _warn_of_masses(scenario: "Scenario") -> None:
     """Warn once in a command, on standard error, if masses of a crane are implausible."""
     from cranectl.cli.output import Screen, styled
-    from cranectl.scenario.similarity import mass_warning
+    from cranectl.scenario import mass_warning
 
     context = click.get_current_context(silent=True)
     printed = context.meta.setdefault("cranectl.warnings", set()) if context else set()
@@ -260,8 +259,7 @@ def _plants(
     names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants.model_files import plants_named
-    from cranectl.plants.registry import ALL, PLANTS
+    from cranectl.plants import ALL, PLANTS, plants_named
 
     named, able = plants_named(names), []
     if names not in ALL:

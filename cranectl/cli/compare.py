@@ -9,11 +9,10 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.output import FAILED, PASSED, Screen, styled
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, exists, short_names
+from cranectl.support import MCAP, InputError, exists, short_names
 
 if TYPE_CHECKING:
-    from cranectl.compare.runs import Comparison
+    from cranectl.compare import Comparison
     from cranectl.measured.replay import Replay
     from cranectl.simulate import Run
 
@@ -90,8 +89,8 @@ def compare_command(
             remedy="name two directories of logs, NEW and GOLDEN, and --tolerances",
         )
     from cranectl.cases.assertions import software_differences
-    from cranectl.compare.runs import compare_runs, differing_fields, first_differences
-    from cranectl.log.overlay import is_overlay, read_layers
+    from cranectl.compare import compare_runs, differing_fields, first_differences
+    from cranectl.log import is_overlay, read_layers
 
     layers = read_layers(logs[0]) if one else {}
     if (measured := layers.get("measured")) is not None:
@@ -148,7 +147,7 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
-    from cranectl.compare.runs import against_first
+    from cranectl.compare import against_first
     from cranectl.report.run.differences import distances_table
 
     comparisons = against_first(runs)
@@ -160,8 +159,7 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
 def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases.case import CaseResult, RunSummary
-    from cranectl.compare.agreement import against_reference, judge, worst_agreement
-    from cranectl.compare.runs import compare_runs
+    from cranectl.compare import against_reference, compare_runs, judge, worst_agreement
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
     if len(by_plant) < 2:
@@ -207,8 +205,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases.assertions import regression_of
-    from cranectl.compare.golden import load_tolerances
-    from cranectl.compare.runs import first_differences
+    from cranectl.compare import first_differences, load_tolerances
     from cranectl.report.run.differences import regression_table
 
     limits = load_tolerances(tolerances)
@@ -246,7 +243,7 @@ def _check_are_two(new: Path, golden: Path) -> None:
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
     from cranectl.cases.assertions import Regression, regression_of
-    from cranectl.compare.golden import load_tolerances
+    from cranectl.compare import load_tolerances
     from cranectl.report.run.differences import regressions_table
 
     limits = load_tolerances(tolerances)
@@ -282,10 +279,9 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
-    from cranectl.compare.runs import differing_fields, merged_pair, refuse_differences
-    from cranectl.log.reader import describe_log, read_log
-    from cranectl.log.writer import write_logged
-    from cranectl.support.provenance import provenance, provenance_differences
+    from cranectl.compare import differing_fields, merged_pair, refuse_differences
+    from cranectl.log import describe_log, read_log, write_logged
+    from cranectl.support import provenance, provenance_differences
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
     for log, runs_of_log in zip((a_log, b_log), runs, strict=True):
@@ -311,7 +307,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
 def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
     """Return the runs of each plant that two logs share, or the only runs that they hold."""
     from cranectl.cases.assertions import nothing_shared
-    from cranectl.log.reader import read_log
+    from cranectl.log import read_log
 
     a, b = read_log(a_log), read_log(b_log)
     if shared := [plant for plant in a if plant in b]:

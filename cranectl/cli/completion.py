@@ -8,8 +8,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from cranectl.support import resources
-from cranectl.support.errors import InputError
+from cranectl.support import InputError, resources
 
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 

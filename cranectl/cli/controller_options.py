@@ -22,7 +22,7 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         if is_completing(context):
             return value
         if not value.strip():
-            from cranectl.controllers.registry import checked_controller
+            from cranectl.controllers import checked_controller
 
             checked_controller(value)
         return opened(value)
@@ -51,7 +51,7 @@ def opened(name: str, directory: Path = Path()) -> str:
     """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
     if not {".", ":"} & set(name):
         return name
-    from cranectl.controllers.registry import UDP, is_reference
+    from cranectl.controllers import UDP, is_reference
     from cranectl.loaders.opening import open_controller
 
     if not is_reference(name):
@@ -76,7 +76,7 @@ def controller_option(function: F) -> F:
     @functools.wraps(function)
     def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
         if trust and controller is None:
-            from cranectl.scenario.load import read_scenario, scenario_file
+            from cranectl.scenario import read_scenario, scenario_file
 
             named = read_scenario(scenario).controller.name
             controller = opened(named, scenario_file(scenario).parent)

@@ -5,8 +5,7 @@ from typing import Any, TypeVar
 
 import click
 
-from cranectl.support.counts import MAX_RUNS
-from cranectl.support.errors import InputError, printable
+from cranectl.support import MAX_RUNS, InputError, printable
 
 F = TypeVar("F", bound=Callable[..., Any])
 

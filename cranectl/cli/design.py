@@ -12,8 +12,7 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
-from cranectl.support.errors import InputError
-from cranectl.support.files import FMU_TABLE, FMUS, PLOTS, check_place, replacing, write_text, writing
+from cranectl.support import FMU_TABLE, FMUS, PLOTS, InputError, check_place, replacing, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.export.prepared import Exported
@@ -86,7 +85,7 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
-    from cranectl.controllers.registry import controller_design, load_controller, only_flat
+    from cranectl.controllers import controller_design, load_controller, only_flat
     from cranectl.report.design import (
         controller_tables,
         design_figure,

@@ -11,7 +11,7 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_rigs
 from cranectl.cli.measured_files import map_option, read_measured, sheets_option
 from cranectl.cli.output import Screen
-from cranectl.support.files import HTML, JSON, Kind, check_place, write_text, writing
+from cranectl.support import HTML, JSON, Kind, check_place, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.measured.replay import Replay
@@ -75,7 +75,7 @@ def identify_command(
     from cranectl.measured.identification import identify
     from cranectl.measured.identified import campaign_text, rig_text
     from cranectl.report.measured import identification_page, identified_table, remarks
-    from cranectl.scenario.load import load_rig
+    from cranectl.scenario import load_rig
 
     path = out or Path("identified.toml")
     campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.output import Screen, styled
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
     from cranectl.campaign.benchmark.settings import Benchmark
-    from cranectl.plants.plant import Drive
+    from cranectl.plants import Drive
     from cranectl.scenario import Scenario
-    from cranectl.simulate.idle_settings import RunKind
+    from cranectl.simulate import RunKind
 
 SHOWN_NAMES = 8  # names in a line, and lines
 LABELS = ("name", "title", "controller.name")  # told where they are shown
@@ -50,12 +50,12 @@ def idle_lines(
     settings that the command does not read: it says so of options only, since a file is for every command.
     With `all_effects` the command takes numbers of the rig for effects that the scenario does not have.
     """
-    from cranectl.scenario.load import given_settings, idle_effects
+    from cranectl.scenario import given_settings, idle_effects
 
     stated = [name for name in given_settings(*request) if name not in LABELS]
     if not stated:
         return []
-    from cranectl.simulate.idle_settings import RunKind, idle_settings
+    from cranectl.simulate import RunKind, idle_settings
 
     keys = [override.partition("=")[0].strip() for override in request.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
@@ -88,7 +88,7 @@ def print_idle_in_analysis(
     """
     uses = [(plant, drive, controller) for controller in controllers]
     if with_model and scenario.rig.model is not None:
-        from cranectl.plants.model_files import examine
+        from cranectl.plants import examine
 
         entry = examine(scenario.rig.model, scenario.rig)
         uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
@@ -117,7 +117,7 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
     `runs`: scenario of the benchmark, plant and controller of each.
     """
     from cranectl.campaign.benchmark.trials import scenario_source
-    from cranectl.support.resources import BENCHMARK_DIRECTORY
+    from cranectl.support import BENCHMARK_DIRECTORY
 
     lines: list[str] = []
     listed = list(runs)
@@ -136,7 +136,7 @@ def _fits(name: str, patterns: Iterable[str]) -> bool:
 
 def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["RunKind"]) -> str:
     """Say which numbers of the rig no run uses, and the options that add their effects."""
-    from cranectl.plants.capabilities import check_effects
+    from cranectl.plants import check_effects
 
     options = ""
     added = scenario.effects.model_copy(update={name: getattr(scenario.rig.effects, name) for name in idle})
@@ -161,8 +161,8 @@ def _listed(names: Iterable[str]) -> str:
 
 def idle_timeout(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
     """Say why `--timeout`, where it is given, changes nothing for these controllers."""
-    from cranectl.controllers.open_controllers import OPEN
-    from cranectl.simulate.child import BLOCK_TIMEOUT
+    from cranectl.controllers import OPEN
+    from cranectl.simulate import BLOCK_TIMEOUT
 
     if timeout == BLOCK_TIMEOUT:
         return []

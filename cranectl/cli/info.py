@@ -10,12 +10,11 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 if TYPE_CHECKING:
-    from cranectl.log.overlay import Layer
-    from cranectl.log.reader import LogDescription
-    from cranectl.scenario.rig import ModelNames
+    from cranectl.log import Layer, LogDescription
+    from cranectl.scenario import ModelNames
     from cranectl.simulate import Run
 
 
@@ -76,9 +75,7 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
 
 def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
-    from cranectl.plants.mujoco.own_check import find_differences
-    from cranectl.plants.mujoco.own_model import open_model
-    from cranectl.plants.mujoco.own_plant import built_in
+    from cranectl.plants import built_in, find_differences, open_model
 
     own = open_model(file, names)
     numbers = {name: float(f"{number:g}") for name, number in built_in(own).items()}  # to be copied
@@ -112,8 +109,7 @@ def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) ->
 
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
-    from cranectl.log.overlay import is_overlay, read_layers
-    from cranectl.log.reader import describe_log
+    from cranectl.log import describe_log, is_overlay, read_layers
     from cranectl.report.run.tables import topic_table
 
     layers, description = read_layers(log), describe_log(log)
@@ -130,11 +126,11 @@ def _print_overlay(
 ) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases.case import RunSummary
-    from cranectl.log.events import origins
+    from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table
-    from cranectl.support.provenance import other_software
+    from cranectl.support import other_software
 
     runs = {label: layer.run for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
@@ -161,13 +157,12 @@ def _print_plants(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
-    from cranectl.compare.agreement import against_reference, judge, worst_agreement
-    from cranectl.log.events import origins
+    from cranectl.compare import against_reference, judge, worst_agreement
+    from cranectl.log import origins
     from cranectl.planning.review import add_claims
-    from cranectl.plants.steps import describe_step
+    from cranectl.plants import describe_step
     from cranectl.report.run.differences import settings_table
-    from cranectl.support.provenance import provenance, provenance_differences
-    from cranectl.support.units import difference_text
+    from cranectl.support import difference_text, provenance, provenance_differences
 
     runs = {name: layer.run for name, layer in layers.items()}
     run_list = list(runs.values())

@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Literal
 
 from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
-from cranectl.support.files import exists
+from cranectl.support import InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table
-    from cranectl.scenario.origins import RigOrigins
+    from cranectl.scenario import RigOrigins
 
 Kind = Literal["model", "rig", "scenario", "log"]
 CONTROLLERS = (".py", ".so", ".fmu")
@@ -21,8 +20,8 @@ SHOWN = "logs (.mcap), models (.xml), rigs and scenarios (.toml, or a name in `c
 
 def kind_of(file: Path) -> Kind:
     """Return what `info` shows of a file or name; raise InputError for what it does not show."""
-    from cranectl.plants.model_files import MODEL_ENDING
-    from cranectl.scenario.load import rig_names, scenario_names
+    from cranectl.plants import MODEL_ENDING
+    from cranectl.scenario import rig_names, scenario_names
 
     if not exists(file) and str(file) in rig_names():
         return "rig"
@@ -46,8 +45,8 @@ def kind_of(file: Path) -> Kind:
 
 def _kind_of_table(file: Path) -> Kind:
     """Return what a TOML file is, by its keys."""
-    from cranectl.scenario.rig import RigParameters
-    from cranectl.support.documents import read_toml
+    from cranectl.scenario import RigParameters
+    from cranectl.support import read_toml
 
     keys, path = set(read_toml(file)), shlex.quote(str(file))
     others = {  # by a key that no other kind of file has
@@ -82,8 +81,7 @@ def _is_log(file: Path) -> bool:
 
 def print_rig(request: ScenarioRequest, screen: Screen) -> None:
     """Print each number of a rig and where it comes from."""
-    from cranectl.scenario.origins import ASSUMED, SCALED, rig_origins
-    from cranectl.scenario.similarity import mass_warning
+    from cranectl.scenario import ASSUMED, SCALED, mass_warning, rig_origins
 
     if request.rig is not None:
         raise InputError(
@@ -114,8 +112,8 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
 
 def _rig_table(title: str, rig: "RigOrigins") -> "Table":
     from cranectl.report.table import Cell, Table, cells
-    from cranectl.scenario.origins import ASSUMED, SCALED
-    from cranectl.support.units import plain
+    from cranectl.scenario import ASSUMED, SCALED
+    from cranectl.support import plain
 
     marks = dict.fromkeys((ASSUMED, SCALED), "open")
     rows = (
@@ -128,9 +126,8 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
     from cranectl.report.table import Table, cells
-    from cranectl.scenario.load import changed_from_default
-    from cranectl.scenario.similarity import assumed_settings
-    from cranectl.support.units import plain
+    from cranectl.scenario import assumed_settings, changed_from_default
+    from cranectl.support import plain
 
     scenario = request.read()
     segments = [segment.kind for segment in scenario.reference.segments]

@@ -11,7 +11,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support.files import HTML, MCAP
+from cranectl.support import HTML, MCAP
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 LAST_PREDICTED = "friction"  # level, by default
@@ -73,12 +73,10 @@ def ladder_command(
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.controllers.registry import controller_design
-    from cranectl.log.header import check_recordable
-    from cranectl.log.overlay import Layer, write_overlay
-    from cranectl.log.writer import check_writable
+    from cranectl.controllers import controller_design
+    from cranectl.log import Layer, check_recordable, check_writable, write_overlay
     from cranectl.report.rig.tables import ladder_table
-    from cranectl.support.provenance import provenance
+    from cranectl.support import provenance
 
     if predict:
         refuse_options(
@@ -137,6 +135,6 @@ def _print_prediction(
 
 def _other_effects(added: set[str]) -> list[str]:
     """Return patterns of the settings of all effects but those `added`."""
-    from cranectl.scenario.effects import EFFECTS
+    from cranectl.scenario import EFFECTS
 
     return [f"effects.{name}.*" for name in EFFECTS if name not in added]

@@ -11,7 +11,7 @@ from cranectl.cli.output import Screen
 from cranectl.report.table import Table, cells
 
 if TYPE_CHECKING:
-    from cranectl.controllers.controller import Parameter
+    from cranectl.controllers import Parameter
 
 DOCUMENTS = ("scenario", "rig", "campaign", "benchmark", "map")
 
@@ -49,10 +49,9 @@ def list_command(screen: Screen) -> None:
     cranectl list --json -
     cranectl list --schema scenario > scenario.json
     """
-    from cranectl.controllers.registry import described_controllers
-    from cranectl.plants.plant import DRIVES
-    from cranectl.plants.registry import PLANTS
-    from cranectl.scenario.load import read_scenario, rig_names, scenario_names
+    from cranectl.controllers import described_controllers
+    from cranectl.plants import DRIVES, PLANTS
+    from cranectl.scenario import read_scenario, rig_names, scenario_names
 
     scenarios = [read_scenario(name) for name in scenario_names()]
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
@@ -71,9 +70,7 @@ def json_schema(document: str) -> dict[str, Any]:
     from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
     from cranectl.measured.mapping import MeasuredMap
-    from cranectl.scenario import Scenario
-    from cranectl.scenario.rig import RigParameters
-    from cranectl.scenario.segments import added_kinds
+    from cranectl.scenario import RigParameters, Scenario, added_kinds
 
     models: dict[str, Any] = {
         "scenario": Scenario,
@@ -113,8 +110,8 @@ def _nested(distribution: dict[str, Any]) -> dict[str, Any]:
 
 def _limits() -> dict[str, Any]:
     """Return the schema of limits on metrics, with a table of them for each plant."""
-    from cranectl.metrics.limits import Limits
-    from cranectl.plants.registry import PLANTS
+    from cranectl.metrics import Limits
+    from cranectl.plants import PLANTS
 
     own = {"properties": Limits.model_json_schema()["properties"], "additionalProperties": False}
     tables = {plant: {"type": "object", "description": f"on {plant} only", **own} for plant in PLANTS}
@@ -123,7 +120,7 @@ def _limits() -> dict[str, Any]:
 
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a controller: a name, or a table of name and parameters."""
-    from cranectl.controllers.registry import controller_names, load_controller
+    from cranectl.controllers import controller_names, load_controller
 
     name = {**table["properties"]["name"], "enum": list(controller_names())}
     tables = {}

@@ -13,10 +13,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.counts import Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support.counts import MAX_PORT
-from cranectl.support.errors import printable
-from cranectl.support.files import JSON, MCAP, write_text, writing
-from cranectl.support.interrupts import heed_interrupts, interrupt
+from cranectl.support import JSON, MAX_PORT, MCAP, heed_interrupts, interrupt, printable, write_text, writing
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -70,8 +67,7 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY, default_log
-    from cranectl.controllers.open_controllers import OPEN
-    from cranectl.controllers.registry import controller_design, controller_names
+    from cranectl.controllers import OPEN, controller_design, controller_names
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, report_warnings
@@ -79,7 +75,7 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.plants.model_files import plants_for
+    from cranectl.plants import plants_for
     from cranectl.simulate import checked_drive
 
     loaded = request.load()

@@ -10,11 +10,10 @@ import click
 from cranectl.cli import command
 from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
-from cranectl.support.errors import InputError
-from cranectl.support.files import JSON, MCAP, check_place, write_text, writing
+from cranectl.support import JSON, MCAP, InputError, check_place, write_text, writing
 
 if TYPE_CHECKING:
-    from cranectl.log.overlay import Layer
+    from cranectl.log import Layer
 
 
 @click.command("export", cls=command.Command)
@@ -47,8 +46,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.log.export import choose_exporter, export_table, write_table
-    from cranectl.log.overlay import read_layers
+    from cranectl.log import choose_exporter, export_table, read_layers, write_table
 
     exporter = choose_exporter(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
@@ -92,10 +90,10 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
-    from cranectl.log.overlay import is_overlay, read_layers
-    from cranectl.plants.registry import plants_of_logs
+    from cranectl.log import is_overlay, read_layers
+    from cranectl.plants import plants_of_logs
     from cranectl.report.viewer_layouts import layout_json
-    from cranectl.scenario.drawn_size import LABORATORY
+    from cranectl.scenario import LABORATORY
 
     layers = read_layers(log) if log else {}
     rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
@@ -119,8 +117,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 
 def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None:
     """Return topic and field of all signals of runs without a reference; None if all runs have one."""
-    from cranectl.log.overlay import STEP
-    from cranectl.log.topics import DISTANCE, plant_topic
+    from cranectl.log import DISTANCE, STEP, plant_topic
     from cranectl.signals import REFERENCE
 
     if all(layer.run.has_reference for layer in layers.values()):
@@ -154,8 +151,8 @@ def overlay_logs(
     cranectl log overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.compare.runs import against_first
-    from cranectl.log.overlay import gather_layers, write_overlay
+    from cranectl.compare import against_first
+    from cranectl.log import gather_layers, write_overlay
     from cranectl.report.run.differences import distances_table
 
     layers = gather_layers(logs, labels=labels, plants=plants)
@@ -193,7 +190,7 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     \b
     cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
     """
-    from cranectl.log.recover import recover_log
+    from cranectl.log import recover_log
 
     recovery = recover_log(file, out)
     screen.print(f"{recovery.messages} messages of {file} are whole")

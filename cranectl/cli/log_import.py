@@ -10,8 +10,7 @@ import click
 from cranectl.cli import command
 from cranectl.cli.measured_files import imported_facts, map_option, print_imported, sheets_option
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, check_place
+from cranectl.support import MCAP, InputError, check_place
 
 if TYPE_CHECKING:
     from cranectl.measured.importing import LogSource
@@ -58,7 +57,7 @@ def import_log(
     cranectl log import monday.csv tuesday.csv --map week.toml --each
     cranectl compare logs/monday/measured.mcap
     """
-    from cranectl.log.writer import write_log
+    from cranectl.log import write_log
     from cranectl.measured.importing import import_runs
     from cranectl.measured.mapping import read_map
 

@@ -18,15 +18,17 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Invocation
 from cranectl.cli.streams import steady_streams
-from cranectl.support.errors import (
+from cranectl.support import (
     CranectlError,
     InputError,
     MachineError,
     describe_error,
+    heed_interrupts,
+    interrupt,
+    is_caused_by_interrupt,
     is_of_machine,
     printable,
 )
-from cranectl.support.interrupts import heed_interrupts, interrupt, is_caused_by_interrupt
 
 WRONG_NAMES = (
     errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.ELOOP, errno.EINVAL,

@@ -15,11 +15,10 @@ from cranectl.cli.command import command_given
 from cranectl.cli.measured_files import read_measured
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support.errors import InputError
-from cranectl.support.files import MCAP, check_place
+from cranectl.support import MCAP, InputError, check_place
 
 if TYPE_CHECKING:
-    from cranectl.log.overlay import Layer
+    from cranectl.log import Layer
     from cranectl.measured.replay import Replay
     from cranectl.report.table import Table
     from cranectl.simulate import Run
@@ -42,12 +41,11 @@ def compare_measured(
     """Print measured minus predicted of each signal, and write both as an overlay to `out`."""
     import numpy as np
 
-    from cranectl.log.overlay import Layer, write_overlay
+    from cranectl.log import Layer, write_overlay
     from cranectl.measured.comparison import predict
     from cranectl.measured.replay import REPEATED, default_replay
-    from cranectl.plants.model_files import examine, plant_named
-    from cranectl.plants.registry import REFERENCE_PLANT
-    from cranectl.support.provenance import provenance
+    from cranectl.plants import REFERENCE_PLANT, examine, plant_named
+    from cranectl.support import provenance
 
     if out is not None:
         check_place(out, MCAP, inputs=[log], option="--out")
@@ -154,7 +152,7 @@ def judge_runs(
     from cranectl.measured.fit import read_fit
     from cranectl.measured.verdict import COVERED, WITHIN_TOLERANCE, judge
     from cranectl.report.measured import asides, explanation, verdict_page, verdict_sentence, verdict_table
-    from cranectl.support.junit import JUnitCase
+    from cranectl.support import JUnitCase
 
     context = click.get_current_context()
     given = {

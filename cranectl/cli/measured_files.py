@@ -10,7 +10,7 @@ import click
 
 from cranectl.cli import command
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError, LogError
+from cranectl.support import InputError, LogError
 
 if TYPE_CHECKING:
     from cranectl.measured.importing import Imported
@@ -85,7 +85,7 @@ def read_measured(
 
 def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
     """Return the measured run of a log, or None for a file that needs a map; raise InputError if neither."""
-    from cranectl.log.reader import read_log
+    from cranectl.log import read_log
 
     if path.is_file() and not _is_mcap(path):
         if has_map:
@@ -113,7 +113,7 @@ def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
 
 
 def _is_mcap(path: Path) -> bool:
-    from cranectl.mcap_columns.records import MAGIC
+    from cranectl.mcap_columns import MAGIC
 
     with suppress(OSError), path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC

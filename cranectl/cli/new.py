@@ -12,9 +12,7 @@ import click
 
 from cranectl.cli.command import PATH, Command
 from cranectl.cli.counts import Count
-from cranectl.support.counts import MAX_SEED
-from cranectl.support.errors import InputError
-from cranectl.support.files import exists, write_text, writing
+from cranectl.support import MAX_SEED, InputError, exists, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table
@@ -87,7 +85,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
     from cranectl.loaders.c_controller import HEADER, compile_command
-    from cranectl.support.extensions import check_name
+    from cranectl.support import check_name
 
     check_name(kind, name)
     module = name.replace("-", "_")
@@ -119,7 +117,7 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     from cranectl.measured.programme import predict_estimates, propose_runs, recording_map, set_points_text
     from cranectl.measured.suggestion import run_name
     from cranectl.report.measured import estimates_table
-    from cranectl.scenario.load import load_rig
+    from cranectl.scenario import load_rig
 
     rig, name, screen = load_rig(rig_name), run_name(Path(rig_name).stem), Screen()
     runs = propose_runs(rig, seed=seed, period=period)

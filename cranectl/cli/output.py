@@ -28,14 +28,11 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from cranectl.report.table import Table
-from cranectl.support.documents import mapped
-from cranectl.support.errors import printable
-from cranectl.support.files import write_text, writing
-from cranectl.support.interrupts import in_background
+from cranectl.support import in_background, mapped, printable, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.report.page import Page
-    from cranectl.support.junit import JUnitCase
+    from cranectl.support import JUnitCase
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 REPEATED_AFTER = 12  # as many times, a minute, until a line that has not changed is printed again
@@ -103,7 +100,7 @@ class Screen(Console):
         self, cases: "Sequence[JUnitCase]", path: Path, command: str = "cranectl validate"
     ) -> None:
         """Write JUnit XML and print where it is."""
-        from cranectl.support.junit import junit_text
+        from cranectl.support import junit_text
 
         with writing(path):
             write_text(path, junit_text(cases, command))

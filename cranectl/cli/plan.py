@@ -7,8 +7,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
-from cranectl.support.files import PLOTS
+from cranectl.support import PLOTS, InputError
 
 # Settings of runs, which plans do not read.
 UNREAD = (
@@ -40,9 +39,8 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     from cranectl.planning import plan_motions
     from cranectl.planning.review import estimate_least_durations, reviews
     from cranectl.report.plan import plan_json, plan_tables
-    from cranectl.scenario.effects import EFFECTS
-    from cranectl.scenario.load import scenario_file
-    from cranectl.simulate.plan import plan_reference
+    from cranectl.scenario import EFFECTS, scenario_file
+    from cranectl.simulate import plan_reference
 
     written, directory = request.read(), scenario_file(str(request.source)).parent
     ready = plan_motions(written, directory)

@@ -65,7 +65,7 @@ def closed_loop(
         from cranectl.cli.controller_options import opened
         from cranectl.planning import load_scenario
         from cranectl.simulate import checked_drive
-        from cranectl.support.errors import InputError
+        from cranectl.support import InputError
 
         try:
             case = make_case(
@@ -100,7 +100,7 @@ def assert_golden(request: pytest.FixtureRequest) -> "Callable[..., None]":
     def judge(runs: "CaseRuns", *, tolerances: str | Path = "rounding") -> None:
         __tracebackhide__ = True
         from cranectl.cases.assertions import assert_regression
-        from cranectl.support.errors import LogError
+        from cranectl.support import LogError
 
         path = here / "golden" / request.path.stem / _file_name(name, len(judged))
         judged.append(path)
@@ -132,7 +132,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
     if LOGS not in item.config.stash:  # nobody has asked for a closed loop
         return
     from cranectl.cases.assertions import CaseRuns
-    from cranectl.support.errors import LogError
+    from cranectl.support import LogError
 
     had = [value for value in getattr(item, "funcargs", {}).values() if isinstance(value, CaseRuns)]
     ran = {id(runs): runs for runs in (*had, *item.config.stash[RAN])}

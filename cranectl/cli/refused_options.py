@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 fmi_option = click.option(
     "--fmi", type=click.Choice(["2", "3"]), help="Version of FMI for --fmu. Default: 2."

@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import PATH, Command, OutputFile, label_option
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support.files import VIDEOS
+from cranectl.support import VIDEOS
 
 
 @click.command("render", cls=Command)
@@ -55,7 +55,7 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
-    from cranectl.log.overlay import gather_layers, read_layers
+    from cranectl.log import gather_layers, read_layers
     from cranectl.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)

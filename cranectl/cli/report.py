@@ -8,8 +8,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, predict_option
 from cranectl.cli.output import Screen
-from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, check_place, check_replaceable, short_names
+from cranectl.support import HTML, InputError, check_place, check_replaceable, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -49,11 +48,11 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
-    from cranectl.log.overlay import is_overlay, read_layers
+    from cranectl.log import is_overlay, read_layers
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_figures
     from cranectl.report.run.page import log_page
-    from cranectl.support.provenance import other_software
+    from cranectl.support import other_software
 
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}

@@ -11,12 +11,11 @@ from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.cli.refused_options import fmi_option, refuse_fmi
-from cranectl.support.errors import InputError
-from cranectl.support.files import FMUS, MCAP, replacing, writing
+from cranectl.support import FMUS, MCAP, InputError, replacing, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case
-    from cranectl.scenario.rig import RigParameters
+    from cranectl.scenario import RigParameters
 
 
 @click.command("run", cls=command.Command)
@@ -128,8 +127,8 @@ def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
 
 def _layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     """Return the arguments of `cranectl log layout` for a log of `plants`."""
-    from cranectl.plants.registry import default_plants
-    from cranectl.scenario.drawn_size import drawn_as_filed
+    from cranectl.plants import default_plants
+    from cranectl.scenario import drawn_as_filed
 
     name = "single" if len(plants) == 1 else "comparison"
     is_usual = drawn_as_filed(rig) and plants == default_plants()

@@ -7,7 +7,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
-from cranectl.support.files import HTML
+from cranectl.support import HTML
 
 
 @click.command("thesis", cls=Command)

@@ -12,7 +12,7 @@ from cranectl.cli.controller_options import timeout_option, trust_option
 from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support.counts import MAX_WORKERS
+from cranectl.support import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned

@@ -16,15 +16,13 @@ from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.measured import is_measured, judge_runs
 from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
-from cranectl.support.counts import MAX_WORKERS
-from cranectl.support.errors import InputError
-from cranectl.support.files import HTML, XML, exists
+from cranectl.support import HTML, MAX_WORKERS, XML, InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
     from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
-    from cranectl.compare.agreement import Agreement
+    from cranectl.compare import Agreement
     from cranectl.report.page import Page
     from cranectl.report.table import Table
     from cranectl.scenario import Scenario
@@ -112,15 +110,12 @@ def validate_command(
     from cranectl.cases.pairwise import pairwise as pairwise_of
     from cranectl.cases.validation import Validation, junit_cases
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.controllers.registry import chosen_controllers
-    from cranectl.log.writer import check_writable
-    from cranectl.plants.model_files import common_drives
-    from cranectl.plants.plant import DRIVES, Drive
-    from cranectl.plants.registry import default_plants, in_order
+    from cranectl.controllers import chosen_controllers
+    from cranectl.log import check_writable
+    from cranectl.plants import DRIVES, Drive, common_drives, default_plants, in_order
     from cranectl.report.run.differences import pair_tables
-    from cranectl.scenario.load import scenario_names
-    from cranectl.simulate import checked_drive
-    from cranectl.simulate.child import BLOCK_TIMEOUT
+    from cranectl.scenario import scenario_names
+    from cranectl.simulate import BLOCK_TIMEOUT, checked_drive
 
     own_options = (map_file, sheets, tolerance)  # of measured runs
     if any(map(is_measured, scenarios)) or any(option is not None for option in own_options):
@@ -192,7 +187,7 @@ def _page(
     validation: "Validation", options: Sequence[str], pairs: "Pairwise | None", screen: Screen
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
-    from cranectl.log.reader import read_log
+    from cranectl.log import read_log
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.validation import validation_page, worst_logs
 
@@ -225,8 +220,8 @@ def _sources(names: Sequence[str]) -> list[str]:
 
 
 def _is_rig_or_campaign(file: Path) -> bool:
-    from cranectl.scenario.rig import RigParameters
-    from cranectl.support.documents import read_toml
+    from cranectl.scenario import RigParameters
+    from cranectl.support import read_toml
 
     try:
         keys = set(read_toml(file))
@@ -240,8 +235,8 @@ def _loaded(
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases.case import Failure
-    from cranectl.metrics.limits import limits_of
-    from cranectl.plants.model_files import plants_for
+    from cranectl.metrics import limits_of
+    from cranectl.plants import plants_for
 
     loaded, unloaded = {}, {}
     for name in names:

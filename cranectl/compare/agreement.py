@@ -14,18 +14,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import plant_entry, reference_plant
-from cranectl.plants.steps import substeps
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import Run, simulate_run
-from cranectl.simulate.memory import fits
+from cranectl.plants import DRIVES, Drive, plant_entry, reference_plant, substeps
+from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
+from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import resources
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.consistency import check_ascending
-from cranectl.support.documents import read_toml
+from cranectl.support import check_ascending, checks_arguments, read_toml, resources
 
 LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
 TOLERANCES = "validation/tolerances.toml"  # source of all limits

@@ -15,12 +15,9 @@ from cranectl.compare.runs import (
     first_differences,
     named_signals,
 )
-from cranectl.scenario import NANOSECONDS, nanoseconds
-from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.scenario import NANOSECONDS, Settings, nanoseconds, parse_settings
 from cranectl.simulate import Run
-from cranectl.support import resources
-from cranectl.support.documents import read_toml
-from cranectl.support.errors import InputError, matching, unmatched
+from cranectl.support import InputError, matching, read_toml, resources, unmatched
 
 Bound = Annotated[float, Field(ge=0.0)]
 

@@ -7,14 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.registry import PLANTS, in_order
-from cranectl.scenario.recorded import without_file_names
+from cranectl.plants import PLANTS, in_order
+from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.arrays import Array
-from cranectl.support.documents import differences, leaves
-from cranectl.support.errors import InputError, check_known
+from cranectl.support import Array, InputError, check_known, checks_arguments, differences, leaves
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples

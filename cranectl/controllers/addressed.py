@@ -16,8 +16,7 @@ from cranectl.controllers.controller import ROPE_SLACK, Controller, Nominal, Siz
 from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.preparation import prepared
-from cranectl.model.dynamics import AxisMasses, axis_masses
-from cranectl.model.flatness import flat_output
+from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import (
     CONTROLLER_ERROR_COLUMN,
     CONTROLLER_LOAD_COLUMN,
@@ -25,16 +24,21 @@ from cranectl.signals import (
     INPUT_COLUMN,
 )
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.foreign_code import environment_kept, keeping_environment
-from cranectl.support.jit import STEP, UNCOMPILED, address_of, jit, why_not_compiled
+from cranectl.support import (
+    STEP,
+    UNCOMPILED,
+    Array,
+    InputError,
+    address_of,
+    environment_kept,
+    jit,
+    keeping_environment,
+    why_not_compiled,
+)
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
 CONTROLLER_FAILED = int(RunStatus.CONTROLLER_FAILED)
-
-JOINTS = 5
 
 
 class CompiledController(NamedTuple):

@@ -1,10 +1,8 @@
 """Compiled functions that several controllers share."""
 
-from cranectl.model.dynamics import AxisMasses, winch_force
-from cranectl.model.flatness import state_and_input
+from cranectl.model import AxisMasses, state_and_input, winch_force
 from cranectl.signals import ACCELERATION, ROPE, ROPE_RATE, Z
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 AXIS_MASSES = ("bridge_mass", "gravity", "load_mass", "trolley_mass", "winch_mass")  # read by `axis_masses`
 MASSES = len(AxisMasses._fields)  # size of a slot of parameters that `masses_at` reads

@@ -20,16 +20,10 @@ from math import inf
 from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
-from cranectl.design.records import ControllerDesign, Design, Origin, Value
-from cranectl.scenario import DesignSettings
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION
-from cranectl.scenario.similarity import rounded
+from cranectl.design import ControllerDesign, Design, Origin, Value
+from cranectl.scenario import MAX_DURATION, MIN_DURATION, DesignSettings, RigParameters, rounded
 from cranectl.signals import Signal
-from cranectl.support.arguments import check_fields, check_whole
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, check_known, shown
-from cranectl.support.extensions import check_name
+from cranectl.support import Array, InputError, check_fields, check_known, check_name, check_whole, shown
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
 Follows = Literal["path", "set-point"]  # set-point: the end of the present segment, at rest

@@ -15,9 +15,8 @@ from numba import carray  # type: ignore[attr-defined]
 
 from cranectl.controllers.controller import ROPE_SLACK, SLACK_ENDS_RUN, Controller, Nominal
 from cranectl.controllers.slots import Slots
-from cranectl.design import TITLES, Design, design_controller
-from cranectl.design.discretisation import check_sampled, sampled_blocks, sampled_loop
-from cranectl.model.flatness import flat_output, linearising_input
+from cranectl.design import TITLES, Design, check_sampled, design_controller, sampled_blocks, sampled_loop
+from cranectl.model import flat_output, linearising_input
 from cranectl.signals import (
     ACCELERATION,
     ALPHA,
@@ -33,8 +32,7 @@ from cranectl.signals import (
     Z,
 )
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 RUNNING = int(RunStatus.RUNNING)
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)

@@ -31,8 +31,7 @@ from cranectl.controllers.flat import Tracker, begin, control_step, make_tracker
 from cranectl.controllers.lqr_integral import matrices
 from cranectl.controllers.slots import Slots
 from cranectl.design import design_controller
-from cranectl.scenario import DesignSettings
-from cranectl.scenario.design import FASTEST, SLOWEST
+from cranectl.scenario import FASTEST, SLOWEST, DesignSettings
 from cranectl.signals import (
     BASE_WIDTH,
     INPUT_COLUMN,
@@ -40,8 +39,7 @@ from cranectl.signals import (
     VIRTUAL_INPUT_COLUMN,
     controller_group,
 )
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 POLES = tuple(f"pole_{k}" for k in range(1, 5))
 

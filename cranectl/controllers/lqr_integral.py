@@ -21,13 +21,11 @@ from scipy.linalg import solve_continuous_are
 from cranectl.controllers.common import state_on_path
 from cranectl.controllers.controller import Controller, LinearController, Nominal, Parameter
 from cranectl.controllers.slots import Slots, per_axis
-from cranectl.design.discretisation import check_sampled, zero_order_hold
-from cranectl.model.flatness import flat_output
+from cranectl.design import check_sampled, zero_order_hold
+from cranectl.model import flat_output
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY, X, Y, Z
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array, round_digits
-from cranectl.support.errors import InputError
-from cranectl.support.jit import jit
+from cranectl.support import Array, InputError, jit, round_digits
 
 GRID = 33  # rope lengths
 WIDE_RANGE = 30.0  # longest over shortest rope, beyond which the ratios of lengths are equal

@@ -39,8 +39,8 @@ from cranectl.controllers.controller import (
 )
 from cranectl.controllers.observer import make_observer
 from cranectl.controllers.slots import Slots, per_axis
-from cranectl.design.discretisation import check_sampled, zero_order_hold
-from cranectl.model.flatness import flat_output, slopes_from_angles, state_and_input
+from cranectl.design import check_sampled, zero_order_hold
+from cranectl.model import flat_output, slopes_from_angles, state_and_input
 from cranectl.signals import (
     ACCELERATION,
     ALPHA,
@@ -56,8 +56,7 @@ from cranectl.signals import (
     Z,
 )
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 LEVELS = 17  # values of ρ, the smallest first
 STATES = 4

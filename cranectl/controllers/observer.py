@@ -15,9 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.controllers.slots import Slots
-from cranectl.model.dynamics import angular_accelerations
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.model import angular_accelerations
+from cranectl.support import Array, jit
 
 JOINTS = 5  # bridge, trolley, rope, alpha, beta
 EXPECTED = Slots(position=JOINTS, velocity=JOINTS, disturbance=JOINTS)  # predicted for the next sample

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cranectl.support.directories import temporary_directory
+from cranectl.support import temporary_directory
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller, Sizes
-    from cranectl.support.arrays import Array
+    from cranectl.support import Array
 
 
 class SharedControllers(NamedTuple):

@@ -19,7 +19,7 @@ import numpy as np
 from cranectl.controllers.controller import Controller, Nominal, Parameter
 from cranectl.controllers.slots import Slots
 from cranectl.signals import ROPE, Signal
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 SHAPERS = ("none", "zv", "zvd", "ei")
 VIBRATION = 0.05  # V of ei: the share of the unshaped vibration that may remain at the modelled frequency

@@ -8,10 +8,7 @@ import numpy as np
 
 from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal
 from cranectl.scenario import nanoseconds
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error, shown
-from cranectl.support.foreign_code import contained
-from cranectl.support.interrupts import reported_when_slow
+from cranectl.support import Array, InputError, contained, describe_error, reported_when_slow, shown
 
 LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearController"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"

@@ -8,13 +8,20 @@ from typing import TYPE_CHECKING
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
-from cranectl.scenario import Scenario
-from cranectl.scenario.similarity import size_of
-from cranectl.support import extensions
-from cranectl.support.arguments import checked
-from cranectl.support.errors import InputError, check_known, unknown_name
-from cranectl.support.extensions import check_free, loaded, packages, with_extensions
-from cranectl.support.provenance import FINGERPRINT_DIGITS, source_digests
+from cranectl.scenario import Scenario, size_of
+from cranectl.support import (
+    FINGERPRINT_DIGITS,
+    InputError,
+    check_free,
+    check_known,
+    checked,
+    extensions,
+    loaded,
+    packages,
+    source_digests,
+    unknown_name,
+    with_extensions,
+)
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller

@@ -16,7 +16,7 @@ import numpy as np
 
 from cranectl.controllers.controller import Logged
 from cranectl.signals import Signal
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 RESERVED = ("size", "array", "logged", "count", "index")  # attributes with another meaning
 

@@ -12,9 +12,7 @@ import numpy as np
 
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.errors import InputError, check_known
-from cranectl.support.kept import kept
+from cranectl.support import InputError, check_known, checks_arguments, kept
 
 FEEDBACKS = {
     "pole-placement": "flatness-based tracker, poles placed",

@@ -20,9 +20,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, schur
 
 from cranectl.design.linear_systems import HinfController, balanced, closed_loop_norm, ill_conditioned
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.units import at_least
+from cranectl.support import Array, InputError, at_least
 
 GAMMA_ROUNDING = 1e-5  # largest relative error of gamma by SB10AD's bisection; five digits are printed
 BISECTION = 1e-9  # relative width at which the bisection for the smallest gamma ends

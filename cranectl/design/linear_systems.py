@@ -11,8 +11,7 @@ from scipy.optimize import brentq
 
 from cranectl.design.discretisation import diagonal
 from cranectl.design.records import Margins, loop_matrices
-from cranectl.support.arrays import CERTAIN_DIGITS, Array, round_digits
-from cranectl.support.errors import InputError
+from cranectl.support import CERTAIN_DIGITS, Array, InputError, round_digits
 
 Response = NDArray[np.complex128]
 

@@ -22,9 +22,8 @@ from cranectl.design.linear_systems import (
     poles_text,
     real_modal_form,
 )
-from cranectl.scenario.design import LoopShapingSettings
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import LoopShapingSettings
+from cranectl.support import Array, InputError
 
 SLOWER = "move design.poles towards 0, or raise design.input_weight or design.loop_shaping.integral"
 

@@ -34,9 +34,8 @@ from cranectl.design.linear_systems import (
     real_modal_form,
     unstable_poles,
 )
-from cranectl.scenario.design import HinfSettings
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import HinfSettings
+from cranectl.support import Array, InputError
 
 NAME = "S/KS"
 NEAR_ENOUGH = 1e-4  # largest relative error of SLICOT's smallest gamma with which its controller is used

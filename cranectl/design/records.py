@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import Signal, SignalGroup, controller_groups_of, flat_groups
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_ascending
-from cranectl.support.provenance import FINGERPRINT_DIGITS
+from cranectl.support import FINGERPRINT_DIGITS, Array, check_ascending
 
 if TYPE_CHECKING:
     import control

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from cranectl.design.records import CHAIN_A, CHAIN_B
 from cranectl.scenario import DesignSettings
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 
 def pole_placement_gain(settings: DesignSettings) -> Array:

@@ -3,17 +3,17 @@
 import json
 from typing import NamedTuple
 
-from cranectl.controllers.addressed import JOINTS
+from cranectl.controllers import JOINTS
 from cranectl.export.description import FmuVariable
 from cranectl.export.fmu import Model, filled, fmu_archive
 from cranectl.export.package import controller_sources
 from cranectl.export.plant import DRIVEN
 from cranectl.export.prepared import Exported
 from cranectl.export.sample import KEPT
-from cranectl.plants.plant import DRIVES
+from cranectl.plants import DRIVES
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, STATE, command_group
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 FAILURE = (
     "2 the rope is slack, 3 an angle or 4 its length is singular, 5 a number or 9 a command is not finite"

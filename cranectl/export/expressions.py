@@ -9,7 +9,7 @@ from numba.core.types import Array, BaseTuple, Boolean, CPointer, Float, Integer
 
 from cranectl.export.inference import Type, result_type
 from cranectl.export.values import ATOM, PRODUCT, SUM, UNARY, Facts, Value, literal
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 if TYPE_CHECKING:
     from cranectl.export.unit import Unit

@@ -17,8 +17,7 @@ from typing import NamedTuple
 from uuid import UUID
 
 from cranectl.export.description import FmuVariable, build_description, model_description
-from cranectl.support.children import answer_of_program
-from cranectl.support.errors import InputError
+from cranectl.support import InputError, answer_of_program
 
 TEMPLATES = Path(__file__).parent / "templates"
 FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI

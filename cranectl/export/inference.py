@@ -11,8 +11,7 @@ from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 from numba.core.types import CPointer, IntEnumMember, float64, int64, unliteral
 
-from cranectl.support.errors import InputError
-from cranectl.support.jit import UNCOMPILED, why_not_compiled
+from cranectl.support import UNCOMPILED, InputError, why_not_compiled
 
 Type = Any  # of Numba, which has no type hints
 _POINTER: Any = CPointer

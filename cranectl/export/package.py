@@ -7,8 +7,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from cranectl.controllers.addressed import JOINTS
-from cranectl.controllers.controller import Controller
+from cranectl.controllers import JOINTS, Controller
 from cranectl.design import ControllerDesign
 from cranectl.export.fmu import filled
 from cranectl.export.prepared import Exported
@@ -18,9 +17,7 @@ from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, Signal
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.units import exact_seconds
+from cranectl.support import Array, InputError, exact_seconds
 
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"

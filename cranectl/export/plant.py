@@ -5,17 +5,12 @@ from cranectl.export.fmu import Model, filled
 from cranectl.export.inference import check_compiler
 from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
-from cranectl.plants.addressed import ADVANCE, MEASURE, plant_object
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import plant_entry
+from cranectl.plants import ADVANCE, DRIVES, MEASURE, Drive, plant_entry, plant_object
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import AXES, DISTURBANCE, LOAD, LOAD_FORCE, STATE, TENSION, SignalGroup, command_group
-from cranectl.simulate import plan_scenario
-from cranectl.simulate.actuation import commands_at_start
-from cranectl.simulate.runner import checked_drive, make_plant
+from cranectl.simulate import checked_drive, commands_at_start, make_plant, plan_scenario
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 PLANTS = ("analytic", "elastic")  # whose code needs no engine
 DRIVEN = ("bridge", "trolley", "rope")

@@ -14,15 +14,10 @@ from numpy.typing import NDArray
 
 from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
-from cranectl.plants.plant import Drive, Plant
-from cranectl.plants.registry import plant_entry
-from cranectl.plants.steps import substeps
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.scenario import STILL
-from cranectl.scenario.settings import Settings
+from cranectl.plants import Drive, Plant, plant_entry, substeps
+from cranectl.scenario import NANOSECONDS, STILL, Scenario, Settings
 from cranectl.signals import STATE
-from cranectl.support.arrays import Array
-from cranectl.support.packed import array_words, leaves
+from cranectl.support import Array, array_words, block_leaves
 
 START = "start"  # prefix of the names of numbers of the state at the start
 
@@ -167,7 +162,7 @@ def _replaced(settings: Any, prefix: str, numbers: Mapping[str, Any]) -> Any:
 def _placed(handle: Any) -> Iterator[tuple[int, Any]]:
     """Yield the parts of a handle with their places in its block."""
     place = 0
-    for leaf in leaves(handle):
+    for leaf in block_leaves(handle):
         yield place, leaf
         place += array_words(leaf) if isinstance(leaf, np.ndarray) else 1
 

@@ -4,19 +4,21 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 
-from cranectl.controllers.addressed import CompiledController
-from cranectl.controllers.controller import Controller, called_by_address
-from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.controllers import (
+    CompiledController,
+    Controller,
+    called_by_address,
+    controller_design,
+    controller_of,
+)
 from cranectl.design import ControllerDesign
 from cranectl.export.sample import ControlSample, control_sample_of
 from cranectl.export.unit import Unit
 from cranectl.export.vectors import inputs_of
-from cranectl.plants.plant import Drive
+from cranectl.plants import Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, plan_scenario, prepare_controller, simulate_run
-from cranectl.simulate.runner import checked_drive
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.simulate import Run, checked_drive, plan_scenario, prepare_controller, simulate_run
+from cranectl.support import Array, InputError
 
 
 @dataclass(frozen=True)

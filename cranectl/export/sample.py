@@ -15,25 +15,34 @@ from numba.core.types import Array as ArrayType
 from numba.core.types import CPointer, float64
 from numba.extending import intrinsic
 
-from cranectl.controllers.addressed import CONTROLLER_FAILED, JOINTS, CompiledController
-from cranectl.controllers.controller import Controller
-from cranectl.controllers.flat import RUNNING, regularity
-from cranectl.controllers.observer import EXPECTED, Observer, observe, predict
-from cranectl.controllers.slots import Slots
-from cranectl.model.dynamics import AxisMasses, drive_forces
-from cranectl.plants.plant import DRIVES, Drive
+from cranectl.controllers import (
+    CONTROLLER_FAILED,
+    EXPECTED,
+    JOINTS,
+    RUNNING,
+    CompiledController,
+    Controller,
+    Observer,
+    Slots,
+    observe,
+    predict,
+    regularity,
+)
+from cranectl.model import AxisMasses, drive_forces
+from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate.actuation import (
+from cranectl.simulate import (
     Actuation,
+    SetpointLimits,
     actuate,
     initial_integral,
+    limit_command,
     make_actuation,
+    new_signal_path,
     take_forces,
     take_set_points,
 )
-from cranectl.simulate.signal_path import SetpointLimits, limit_command, new_signal_path
-from cranectl.support.arrays import Array
-from cranectl.support.compiled_step import CompiledStep
+from cranectl.support import Array, CompiledStep
 
 _POINTER: Any = CPointer
 STATE_SIZE = 2 * JOINTS

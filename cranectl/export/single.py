@@ -10,16 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.addressed import JOINTS
+from cranectl.controllers import JOINTS
 from cranectl.design import ControllerDesign
 from cranectl.export.calls import MATH
 from cranectl.export.fmu import compile_library, filled
 from cranectl.export.prepared import Exported
 from cranectl.export.vectors import Sample, record_blocks, replay
-from cranectl.plants.plant import DRIVES
+from cranectl.plants import DRIVES
 from cranectl.simulate import plan_scenario, simulate_run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 # A comment, a word, or a number with a point or an exponent.
 _TOKEN = re.compile(

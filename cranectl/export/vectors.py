@@ -6,13 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.addressed import JOINTS, CompiledController
+from cranectl.controllers import JOINTS, CompiledController
 from cranectl.export.sample import ControlSample
 from cranectl.signals import ROPE
-from cranectl.simulate import Run
-from cranectl.simulate.signal_path import make_encoders, read_encoder
-from cranectl.support.arrays import Array
-from cranectl.support.jit import STEP
+from cranectl.simulate import Run, make_encoders, read_encoder
+from cranectl.support import STEP, Array
 
 PARTS_OF_A_RUN, SAMPLES_IN_A_ROW = 5, 200  # samples in a row, spread over the run
 

@@ -7,21 +7,16 @@ from math import inf
 from multiprocessing.connection import Connection
 from typing import Any
 
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
+from cranectl.controllers import OPEN, SharedControllers
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import open_again
-from cranectl.plants.model_files import model_plants
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, plants_to_run
+from cranectl.plants import PLANTS, Drive, model_plants, plants_to_run
 from cranectl.scenario import Scenario
-from cranectl.simulate.child import BLOCK_TIMEOUT
-from cranectl.simulate.plan import plan_scenario
-from cranectl.simulate.run import Run
+from cranectl.simulate import BLOCK_TIMEOUT, Run, plan_scenario
 from cranectl.status import RunStatus
-from cranectl.support.children import Child, ChildError, requests, spawn_child
-from cranectl.support.errors import InputError, report_to_parent
+from cranectl.support import Child, ChildError, InputError, report_to_parent, requests, spawn_child
 
 
 class ChildSession:

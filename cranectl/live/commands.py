@@ -15,15 +15,14 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.controllers import controller_design, load_controller
 from cranectl.design import ControllerDesign, with_gain
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
-from cranectl.reference.driven import HandLimits
-from cranectl.scenario import Scenario
-from cranectl.scenario.similarity import length_scale, rounded
+from cranectl.reference import HandLimits
+from cranectl.scenario import Scenario, length_scale, rounded
 from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
-from cranectl.support.errors import InputError, check_known, printable
+from cranectl.support import InputError, check_known, printable
 
 Value = bool | float | str
 T = TypeVar("T")

@@ -22,7 +22,7 @@ import threading
 from collections.abc import Callable, Collection, Iterator
 from urllib.parse import urlsplit
 
-from cranectl.support.errors import InputError, printable
+from cranectl.support import InputError, printable
 
 FOXGLOVE = frozenset({"https://app.foxglove.dev", "https://studio.foxglove.dev"})
 MAX_HEAD_BYTES = 16 * 1024  # [bytes] of a request; browsers send one or two

@@ -9,19 +9,30 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.registry import controller_names, controller_of
+from cranectl.controllers import controller_names, controller_of
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
-from cranectl.reference import build_trajectory
-from cranectl.reference.driven import HandLimits, commands_at, derivatives, drive, rest_state
-from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
-from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.recorded import MAX_RECORDED_CHANGES, SETTLING_TIME, Driven
-from cranectl.scenario.segments import Hold, seconds
-from cranectl.scenario.settings import MAX_DURATION
-from cranectl.support.arrays import Array
-from cranectl.support.documents import parse_json
-from cranectl.support.errors import InputError, printable
+from cranectl.reference import (
+    HandLimits,
+    build_trajectory,
+    commands_at,
+    drive,
+    driven_derivatives,
+    rest_state,
+)
+from cranectl.scenario import (
+    MAX_DURATION,
+    MAX_RECORDED_CHANGES,
+    NANOSECONDS,
+    SETTLING_TIME,
+    Disturbance,
+    Driven,
+    Hold,
+    ReferenceSettings,
+    Scenario,
+    seconds,
+)
+from cranectl.support import Array, InputError, parse_json, printable
 
 VELOCITY_TIMEOUT = 0.3  # [s] without a message after which the requested velocity becomes zero
 COMMAND_DIGITS = 5  # recorded digits of requests, as many as a joystick resolves
@@ -80,7 +91,7 @@ class HandReference:
         """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
         requests = commands_at([(0, self._request), (self._end, RELEASED)], index)
         states = drive(self.limits, self._period, self._state, requests)
-        rows = derivatives(self.limits, states).reshape(len(index), 15)
+        rows = driven_derivatives(self.limits, states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
         return rows
 

@@ -21,10 +21,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from cranectl.planning.limits import Limits, limits_of
-from cranectl.reference.driven import HandLimits
+from cranectl.reference import HandLimits
 from cranectl.scenario import Scenario
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 SPEED_SHARE = 0.5  # of the drives' largest velocities; the stopping distance is 4 v / omega
 NO_OVERSHOOT = 2.0  # largest mu

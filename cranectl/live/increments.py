@@ -11,31 +11,34 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.log import scene
-from cranectl.log.events import (
+from cranectl.log import (
     Conditions,
     Disturbed,
     Event,
     Phase,
     Saturated,
     StatusChange,
+    Stream,
     condition_events,
+    design_info,
+    differences,
     disturbed,
     end_event,
+    log_lines,
     phases,
+    run_info,
+    samples,
     saturation,
     scenario_events,
+    scene,
     start_event,
+    status,
 )
-from cranectl.log.messages import design_info, differences, log_lines, run_info, samples, status
-from cranectl.log.topics import Stream
 from cranectl.metrics import workspace_excess
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.drawn_size import drawn_scale
+from cranectl.scenario import NANOSECONDS, Scenario, drawn_scale
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.provenance import provenance
+from cranectl.support import Array, provenance
 
 # The value before anything is sent, so that the first value counts as a change.
 NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)

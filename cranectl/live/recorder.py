@@ -17,28 +17,31 @@ import foxglove
 from filelock import FileLock, Timeout
 
 from cranectl.live.viewers import Publisher
-from cranectl.log import topics
-from cranectl.log.consistency import Outcome
-from cranectl.log.header import (
+from cranectl.log import (
+    FAILURES,
+    KeptError,
+    Outcome,
+    check_complete,
     check_recordable,
     file_attachments,
     file_metadata,
-    outcome_metadata,
-)
-from cranectl.log.writer import (
-    FAILURES,
-    KeptError,
-    check_complete,
     open_file,
+    outcome_metadata,
+    topics,
     unfinished,
 )
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.documents import toml_text
-from cranectl.support.errors import LogError
-from cranectl.support.files import check_replaceable, replacing, write_text, writing
-from cranectl.support.interrupts import interrupts_wait
+from cranectl.support import (
+    LogError,
+    check_replaceable,
+    interrupts_wait,
+    replacing,
+    toml_text,
+    write_text,
+    writing,
+)
 
 REMEDY = "choose another place with --record"
 LOCK = ".lock"

@@ -28,10 +28,9 @@ from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
-from cranectl.log.events import Event
-from cranectl.log.messages import log_lines
+from cranectl.log import Event, log_lines
 from cranectl.scenario import NANOSECONDS
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 MAX_LAG = 0.5  # [s] that a run may fall behind and still catch up
 

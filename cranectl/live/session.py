@@ -10,24 +10,23 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import bind_address, with_own_memory
-from cranectl.controllers.flat import MEMORY
+from cranectl.controllers import MEMORY, bind_address, with_own_memory
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plants_to_run
-from cranectl.plants.surroundings import air_velocity
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.disturbances import Disturbance
-from cranectl.scenario.settings import MAX_DURATION
+from cranectl.plants import Drive, air_velocity, plants_to_run
+from cranectl.scenario import MAX_DURATION, NANOSECONDS, Disturbance, Scenario
 from cranectl.signals import Z
-from cranectl.simulate.plan import plan_scenario
-from cranectl.simulate.run import Run
-from cranectl.simulate.runner import make_plant, prepare_controller, start_run
-from cranectl.simulate.signal_path import make_encoders
-from cranectl.simulate.stepping import SteppedRun, rows_at
-from cranectl.support.arrays import Array
-from cranectl.support.turns import TakesTurns
+from cranectl.simulate import (
+    Run,
+    SteppedRun,
+    make_encoders,
+    make_plant,
+    plan_scenario,
+    prepare_controller,
+    rows_at,
+    start_run,
+)
+from cranectl.support import Array, TakesTurns
 
 
 def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:

@@ -24,10 +24,8 @@ from foxglove.websocket import (
 
 from cranectl.live.commands import Controls, Value, drain
 from cranectl.live.guard import Guard, hidden_host
-from cranectl.log import topics
-from cranectl.log.topics import Stream, in_order
-from cranectl.log.writer import open_channel
-from cranectl.support.errors import InputError
+from cranectl.log import Stream, in_order, open_channel, topics
+from cranectl.support import InputError
 
 VELOCITY_TOPIC = "/wish"  # the topic on which clients drive by hand
 BACKLOG = 8192  # messages that wait for a slow viewer, almost two seconds; it loses any further ones

@@ -12,13 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter, called_by_address
+from cranectl.controllers import Controller, Logged, Nominal, Parameter, called_by_address
 from cranectl.loaders import library
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.opening import ControllerFile, copy_of
 from cranectl.signals import Signal
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
 COMPILERS = {".c": "cc", ".cc": "c++", ".cpp": "c++", ".cxx": "c++"}  # by ending of the source

@@ -17,7 +17,7 @@ DECLARATION_TIMEOUT = 600.0  # [s] for an answer, without waiting for a processo
 
 def ask_declaration(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
     """Return what `answer(binary, question)` of the file `program` returns; raise ValueError as it does."""
-    from cranectl.support.children import answer_of_program, describe_exit  # which the process does without
+    from cranectl.support import answer_of_program, describe_exit  # which the process does without
 
     command = [sys.executable, "-I", __file__, program, str(binary)]
     try:

@@ -20,15 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import Controller, Logged, Nominal, called_by_address
+from cranectl.controllers import Controller, Logged, Nominal, called_by_address
 from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import ControllerFile, directory_of, slug
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.foreign_code import environment_kept
-from cranectl.support.jit import address_of
+from cranectl.support import Array, InputError, address_of, environment_kept
 
 MAX_UNPACKED_BYTES = 2**30  # unpacked
 _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)

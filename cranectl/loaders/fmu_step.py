@@ -11,8 +11,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from cranectl.controllers.slots import Slots
-from cranectl.support.jit import jit
+from cranectl.controllers import Slots
+from cranectl.support import jit
 
 # Addresses, then what does not change, then the source of each input, and for each command the output that it
 # is, or HELD, then the SI units in one unit of each input and of each command.

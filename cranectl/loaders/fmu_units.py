@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from cranectl.loaders.opening import ControllerFile
 from cranectl.signals import command_group
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 # Exponents of kg, m and s in the units of signals; an angle counts as a number, as in SI.
 DIMENSIONS = {"m": (0, 1, 0), "rad": (0, 0, 0), "N": (1, 1, -2)}

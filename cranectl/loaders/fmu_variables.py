@@ -7,14 +7,13 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from cranectl.controllers.controller import MAX_SIGNAL_NAME, Parameter
+from cranectl.controllers import MAX_SIGNAL_NAME, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
-from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.scenario import Settings, parse_settings
 from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
-from cranectl.support.documents import parse_toml
-from cranectl.support.errors import InputError, did_you_mean
+from cranectl.support import InputError, did_you_mean, parse_toml
 
 ENCODERS = {f"encoders.{name}": k for k, name in enumerate(STATE.names[::2])}
 STATES = {f"state.{name}": k for k, name in enumerate(STATE.names)}

@@ -30,7 +30,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
-from cranectl.support.provenance import INSTALLED
+from cranectl.support import INSTALLED
 
 PREFIX = "_controller_"
 OUR_PACKAGE = "cranectl"  # never imported from a controller's folder

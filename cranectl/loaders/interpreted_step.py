@@ -9,9 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cranectl.controllers.controller import Sizes
-from cranectl.support.arrays import Array
-from cranectl.support.compiled_step import FAILED, report_failure
+from cranectl.controllers import Sizes
+from cranectl.support import FAILED, Array, report_failure
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)

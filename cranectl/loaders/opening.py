@@ -13,15 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from cranectl.controllers.controller import Controller
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import FILE, UDP, register_controller
-from cranectl.design.records import Origin
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.errors import InputError
-from cranectl.support.extensions import loaded
-from cranectl.support.files import open_input, replacing
-from cranectl.support.provenance import syntax_of
+from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
+from cranectl.design import Origin
+from cranectl.support import InputError, checks_arguments, loaded, open_input, replacing, syntax_of
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses

@@ -25,20 +25,21 @@ from urllib.parse import urlsplit
 import numpy as np
 from pydantic import Field
 
-from cranectl.controllers.controller import Controller, called_by_address
-from cranectl.controllers.registry import UDP
-from cranectl.controllers.slots import Slots
+from cranectl.controllers import UDP, Controller, Slots, called_by_address
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
-from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.scenario import Settings, parse_settings
 from cranectl.signals import Signal
-from cranectl.support.arrays import Array
-from cranectl.support.children import Timeout
-from cranectl.support.documents import parse_toml
-from cranectl.support.errors import InputError, starting
-from cranectl.support.extensions import check_name
-from cranectl.support.interrupts import in_background
-from cranectl.support.search_path import users_environment
+from cranectl.support import (
+    Array,
+    InputError,
+    Timeout,
+    check_name,
+    in_background,
+    parse_toml,
+    starting,
+    users_environment,
+)
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile

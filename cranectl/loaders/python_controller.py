@@ -18,25 +18,30 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers.controller import (
+from cranectl.controllers import (
     MAX_MEMORY,
     Controller,
     Logged,
     Nominal,
     Parameter,
+    Slots,
+    real_numbers,
 )
-from cranectl.controllers.preparation import real_numbers
-from cranectl.controllers.slots import Slots
 from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
-from cranectl.support.arguments import is_whole
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error, shown
-from cranectl.support.foreign_code import contained
-from cranectl.support.interrupts import reported_when_slow
-from cranectl.support.jit import address_of, why_not_compiled
+from cranectl.support import (
+    Array,
+    InputError,
+    address_of,
+    contained,
+    describe_error,
+    is_whole,
+    reported_when_slow,
+    shown,
+    why_not_compiled,
+)
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember

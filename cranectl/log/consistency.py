@@ -10,17 +10,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design import ControllerDesign
-from cranectl.design.records import closed_loop_matrix
+from cranectl.design import ControllerDesign, closed_loop_matrix
 from cranectl.log import topics
-from cranectl.mcap_columns.records import DamageError
-from cranectl.plants.registry import PLANTS
+from cranectl.mcap_columns import DamageError
+from cranectl.plants import PLANTS
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, LOAD, LOAD_FORCE, REFERENCE, ROPE, TENSION, Z
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 MAX_NS = 2**32 * NANOSECONDS - 1  # a message stores the seconds of its time in 32 bits
 WITH_LAST_SAMPLE = (RunStatus.COMPLETED, RunStatus.INTERRUPTED)  # runs that have a sample at their end

@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
-from cranectl.scenario import Scenario, nanoseconds
-from cranectl.scenario.along_path import Plannable
-from cranectl.scenario.segments import Segment, Spline, seconds
+from cranectl.scenario import Plannable, Scenario, Segment, Spline, nanoseconds, seconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.units import quantity
+from cranectl.support import Array, quantity
 
 DIGEST_DIGITS = 12  # of the digest of a file
 

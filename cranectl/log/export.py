@@ -21,11 +21,19 @@ from numpy.typing import NDArray
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
-from cranectl.support import extensions
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError, matching, unknown_name, unmatched
-from cranectl.support.extensions import with_extensions
-from cranectl.support.files import Kind, replacing, writing
+from cranectl.support import (
+    Array,
+    InputError,
+    Kind,
+    Mask,
+    extensions,
+    matching,
+    replacing,
+    unknown_name,
+    unmatched,
+    with_extensions,
+    writing,
+)
 
 # Replaces the header of SciPy, which has the date, so that the same run gives the same bytes. The format
 # requires 116 bytes.

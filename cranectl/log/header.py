@@ -16,21 +16,13 @@ from mcap.records import Attachment
 from cranectl.design import ControllerDesign
 from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
-from cranectl.mcap_columns.contents import foreign
-from cranectl.mcap_columns.records import DamageError, UnsupportedError
-from cranectl.mcap_columns.rows import MAX_DEFINITION
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, PlantEntry, plant_entry
-from cranectl.scenario import Scenario
-from cranectl.scenario.load import held_files, with_files
-from cranectl.scenario.scenario import MeasuredScenario
-from cranectl.scenario.settings import parse_settings
+from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
+from cranectl.plants import PLANTS, Drive, PlantEntry, plant_entry
+from cranectl.scenario import MeasuredScenario, Scenario, held_files, parse_settings, with_files
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
-from cranectl.support.documents import leaves, parse_json
-from cranectl.support.errors import InputError, LogError
-from cranectl.support.provenance import provenance
+from cranectl.support import InputError, LogError, leaves, parse_json, provenance
 
 FORMAT, WITHOUT_REFERENCE = "2", "3"  # written for runs with a reference, and for runs without
 FORMATS = (FORMAT, WITHOUT_REFERENCE)  # that can be read

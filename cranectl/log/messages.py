@@ -8,8 +8,7 @@ import numpy as np
 from foxglove.messages import Log, LogLevel
 from numpy.typing import NDArray
 
-from cranectl.compare.agreement import AgreementLimits, NoLimits, PairLimits, against_reference, judge
-from cranectl.compare.runs import compare_runs
+from cranectl.compare import AgreementLimits, NoLimits, PairLimits, against_reference, compare_runs, judge
 from cranectl.design import ControllerDesign
 from cranectl.log import topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
@@ -17,8 +16,7 @@ from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
-from cranectl.support.provenance import provenance
-from cranectl.support.units import PROCESSOR_ROUNDING, difference_text
+from cranectl.support import PROCESSOR_ROUNDING, difference_text, provenance
 
 MIN_DISTANCE = 1e-14  # [m, rad] least logged distance: the size of rounding, so that logarithms exist
 

@@ -32,12 +32,11 @@ from cranectl.log.messages import distances, log_lines, recorded, signals, statu
 from cranectl.log.reader import read_runs
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, write_container
-from cranectl.mcap_columns.records import DamageError
-from cranectl.plants.registry import PLANTS, plants_of_logs, reference_plant
+from cranectl.mcap_columns import DamageError
+from cranectl.plants import PLANTS, plants_of_logs, reference_plant
 from cranectl.signals import REFERENCE
 from cranectl.simulate import Run
-from cranectl.support.colours import VIEWER_SERIES
-from cranectl.support.errors import InputError, LogError
+from cranectl.support import VIEWER_SERIES, InputError, LogError
 
 STEP = "step"  # topic of the distance between a run and the one before it
 MAX_RUNS_SHOWN = len(VIEWER_SERIES)  # runs of an overlay: each needs its own colour

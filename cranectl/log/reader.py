@@ -13,16 +13,21 @@ from numpy.typing import NDArray
 from cranectl.log import topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
 from cranectl.log.header import FILTERED, OVERLAY, OVERLAY_FORMAT, LogHeader, parse_header
-from cranectl.mcap_columns.contents import Contents, open_contents, opened
-from cranectl.mcap_columns.records import Column, DamageError, UnsupportedError
-from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
+from cranectl.mcap_columns import (
+    Column,
+    Contents,
+    DamageError,
+    UnsupportedError,
+    decode_table,
+    open_contents,
+    opened,
+    read_rows,
+    signal_names,
+)
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_sum
-from cranectl.support.errors import LogError, nearest_first, unknown_name
+from cranectl.support import Array, LogError, check_sum, checks_arguments, nearest_first, unknown_name
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types

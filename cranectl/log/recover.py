@@ -15,13 +15,20 @@ from cranectl.log.messages import streams
 from cranectl.log.reader import TopicSamples, assemble_run, blocks_of, check_samples, header_of
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, write_container
-from cranectl.mcap_columns.contents import Contents, check_begin, foreign, is_ours, opened
-from cranectl.mcap_columns.records import Content, DamageError, UnsupportedError
-from cranectl.mcap_columns.rows import columns_of
+from cranectl.mcap_columns import (
+    Content,
+    Contents,
+    DamageError,
+    UnsupportedError,
+    check_begin,
+    columns_of,
+    foreign,
+    is_ours,
+    opened,
+)
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.errors import LogError
-from cranectl.support.provenance import provenance
+from cranectl.support import LogError, provenance
 
 PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # name of an unfinished file by `files.replacing`
 

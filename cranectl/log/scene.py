@@ -17,14 +17,11 @@ from cranectl.log import topics
 from cranectl.log.events import disturbance_times
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.plants.registry import plant_entry, reference_plant
-from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
-from cranectl.scenario.rig import RigParameters
+from cranectl.plants import plant_entry, reference_plant
+from cranectl.scenario import NANOSECONDS, RigParameters, drawn_scale, drawn_trail
 from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
 from cranectl.simulate import Run, disturbances_at
-from cranectl.support.arrays import Array
-from cranectl.support.colours import SLACK_ROPE, VIEWER, rgb
+from cranectl.support import SLACK_ROPE, VIEWER, Array, rgb
 
 Rows = list[list[float]]
 IDENTITY = fg.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
@@ -125,7 +122,7 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
 
 def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None = None) -> Stream:
     """Return the solids of the rig in one message; a ghost has one colour and no frame of the rig."""
-    from cranectl.plants.mujoco.geometry import rig_solids  # here: reading a log does not need MuJoCo
+    from cranectl.plants import rig_solids  # here: reading a log does not need MuJoCo
 
     ghost = opacity < 1.0
     tint = rgb(colour or VIEWER[plant_entry(plant).colour]) if ghost else None

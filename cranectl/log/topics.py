@@ -18,7 +18,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from cranectl.log.events import StatusChange
-from cranectl.mcap_columns.rows import row_layout, tag
+from cranectl.mcap_columns import row_layout, tag
 from cranectl.signals import LOAD, STATE, Signal, SignalGroup
 
 SORTED_MESSAGES = 1000  # messages of the longest stream that are sorted at a time, which limits memory

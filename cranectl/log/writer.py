@@ -18,18 +18,23 @@ from foxglove._foxglove_py import BaseChannel
 from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
-from cranectl.compare.agreement import PairLimits
+from cranectl.compare import PairLimits
 from cranectl.log.consistency import check_runs
 from cranectl.log.header import check_recordable, file_attachments, file_metadata
 from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
-from cranectl.mcap_columns.contents import read_end
-from cranectl.mcap_columns.records import DamageError
+from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
-from cranectl.support.arguments import check_whole, checks_arguments
-from cranectl.support.errors import InputError, LogError
-from cranectl.support.files import MCAP, check_place, replacing
-from cranectl.support.interrupts import interrupts_wait
+from cranectl.support import (
+    MCAP,
+    InputError,
+    LogError,
+    check_place,
+    check_whole,
+    checks_arguments,
+    interrupts_wait,
+    replacing,
+)
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario

@@ -36,8 +36,7 @@ from cranectl.mcap_columns.records import (
     section_crc,
     split_records,
 )
-from cranectl.support.errors import LogError
-from cranectl.support.files import open_input
+from cranectl.support import LogError, open_input
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB
 MAX_EXPANSION = 100  # size of all unpacked chunks over the size of the file; logs of a crane at rest reach 5

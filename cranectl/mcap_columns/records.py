@@ -21,7 +21,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk
 from numpy.typing import NDArray
 
-from cranectl.support.jit import jit
+from cranectl.support import jit
 
 MAGIC = b"\x89MCAP0\r\n"
 PREFIX = struct.Struct("<BQ")  # opcode, length of the body that follows

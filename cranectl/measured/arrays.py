@@ -7,13 +7,13 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import (
+from cranectl.support import (
     MAX_COLUMN_LENGTH,
     MAX_EXACT_INTEGER,
     READABLE,
     TICK_SECONDS,
+    Array,
+    InputError,
     ReadColumn,
     TableHead,
     not_numbers,

@@ -14,17 +14,20 @@ from scipy.signal import savgol_filter
 
 from cranectl.design import ControllerDesign
 from cranectl.measured.mapping import ANGLES, LOAD, POSITIONS, MeasuredMap
-from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PLANTS, PlantEntry
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import MeasuredScenario, longest_step
-from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.similarity import length_scale
+from cranectl.plants import PLANTS, Drive, PlantEntry
+from cranectl.scenario import (
+    NANOSECONDS,
+    MeasuredScenario,
+    RigParameters,
+    Scenario,
+    length_scale,
+    longest_step,
+    parse_settings,
+)
 from cranectl.signals import STATE, SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 MEASURED = PlantEntry(
     name="measured", label="measured", colour="series-4", where="", batch=0, by_default=False

@@ -8,11 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.measured.mapping import TIMES, ClockMap, MeasuredMap, SignalMap
-from cranectl.scenario import nanoseconds
-from cranectl.scenario.settings import MAX_MEASURED
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import TableHead
+from cranectl.scenario import MAX_MEASURED, nanoseconds
+from cranectl.support import Array, InputError, Mask, TableHead
 
 USUAL_GAPS = 10.0  # times the usual step that rows may be apart
 

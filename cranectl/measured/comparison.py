@@ -10,8 +10,7 @@ from cranectl.measured.experiment import ANGLE_SCALE, CHANNELS, Experiment, rig_
 from cranectl.measured.replay import Replay, simulate_replay
 from cranectl.signals import LOAD, RESIDUAL, STATE
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
 IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 MIN_ENERGY = 1e-100  # of signals that are not constant
 GAIN_RANGE = 2.0  # factor by which the gain of a right map may be off

@@ -10,10 +10,18 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import READABLE, ReadColumn, TableHead, check_rows, not_numbers
-from cranectl.support.tables.layout import Header, find_header
-from cranectl.support.tables.stamps import is_stamp, seconds_of_stamps
+from cranectl.support import (
+    READABLE,
+    Header,
+    InputError,
+    ReadColumn,
+    TableHead,
+    check_rows,
+    find_header,
+    is_stamp,
+    not_numbers,
+    seconds_of_stamps,
+)
 
 HEAD_ROWS = 1000  # in which the names are looked for
 MAX_SHEET_COLUMNS = 16_384  # of Excel

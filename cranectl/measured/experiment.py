@@ -17,13 +17,10 @@ from cranectl.measured.replay import (
     with_longer_steps,
 )
 from cranectl.measured.responses import white_noise
-from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import length_scale
+from cranectl.scenario import NANOSECONDS, RigParameters, length_scale
 from cranectl.signals import STATE
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError, Mask
 
 MODEL = "elastic"  # the plant that is fitted
 AXES = ("bridge", "trolley", "winch")

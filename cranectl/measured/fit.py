@@ -12,12 +12,9 @@ from cranectl.measured.identification import Identification, OpenNumber
 from cranectl.measured.identity import Trace, fingerprint, recalled
 from cranectl.measured.replay import Replay
 from cranectl.measured.uncertainty import Errors, root_of
-from cranectl.scenario.load import load_rig
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import RigParameters, load_rig
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.documents import parse_json
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError, parse_json
 
 FIT_ENDING = "-fit.json"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cranectl.measured.arrays import DEEPEST, ArrayColumns, Signals
-from cranectl.support.tables.columns import TableHead
+from cranectl.support import TableHead
 
 MAX_DATASETS = 2000  # of a file
 

@@ -35,11 +35,9 @@ from cranectl.measured.least_squares import (
     reduced_equations,
 )
 from cranectl.measured.replay import Replay, default_replay, first_samples
-from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import NANOSECONDS, RigParameters
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
 MANY_SWINGS = 16.0  # of a run, from which its first part is fitted first

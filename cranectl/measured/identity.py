@@ -26,8 +26,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 GRAIN = 1e-6  # [m, rad] below which two readings are the same: other units in a map round otherwise
 GRAINS_IN_NOISE = 20.0  # of a fingerprint whose readings are noisy

@@ -37,14 +37,10 @@ from cranectl.measured.plausibility import Finding, PhysicsVerdict, check_motion
 from cranectl.measured.responses import Recording
 from cranectl.measured.suggestion import run_name
 from cranectl.measured.tables import read_head
-from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.load import load_rig, rig_place
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import NANOSECONDS, RigParameters, load_rig, rig_place
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import TableHead
+from cranectl.support import Array, InputError, Mask, TableHead
 
 MAX_READING = 1e12  # [SI] of any signal
 

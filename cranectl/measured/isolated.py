@@ -12,10 +12,17 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from cranectl.support.children import ChildError, requests, spawn_child
-from cranectl.support.documents import format_of
-from cranectl.support.errors import InputError, MachineError
-from cranectl.support.tables.columns import ReadColumn, TableHead, reported
+from cranectl.support import (
+    ChildError,
+    InputError,
+    MachineError,
+    ReadColumn,
+    TableHead,
+    format_of,
+    reported,
+    requests,
+    spawn_child,
+)
 
 SMALL_FILE = 2**26  # [bytes] up to which the next two limits hold; those of larger files grow in proportion
 MAX_READER_BYTES = 2**30  # [bytes] of the process

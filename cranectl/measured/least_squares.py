@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cranectl.measured.experiment import CHANNELS, Experiment, Unknown, encoders_of
-from cranectl.support.arrays import Array, Mask
+from cranectl.support import Array, Mask
 
 FITTING_STEP = 1e-3  # of a number's scale, by which it is changed first to see its effect
 STEP_DEVIATIONS = 5.0  # by which it is changed then; slopes over far more differ from those at the numbers
@@ -191,7 +191,9 @@ class LeastSquares:
             # Each place at which an axis rests has its own rounding error, so fitted places are rounded.
             fitted = (experiment.weighted(experiment.readings) - base).reshape(len(experiment.rows), -1)
             fitted = fitted * experiment.noise[experiment.channels]
-            reduced = np.ascontiguousarray(without_own(by_common, by_own).T)  # products take a fifth of the time
+            reduced = np.ascontiguousarray(
+                without_own(by_common, by_own).T
+            )  # products take a fifth of the time
             for draw in range(ENCODER_DRAWS):
                 exact = fitted + steps * rng.uniform(size=len(steps))
                 drawn = np.round((exact + noise * rng.standard_normal(exact.shape)) / steps) * steps

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from cranectl.reference.files import SI_FACTORS
-from cranectl.scenario.settings import Duration, Many, RuleError, Settings, parse_settings
-from cranectl.support.documents import read_toml
+from cranectl.reference import SI_FACTORS
+from cranectl.scenario import Duration, Many, RuleError, Settings, parse_settings
+from cranectl.support import read_toml
 
 POSITIONS = ("bridge_position", "trolley_position", "rope_length")
 ANGLES = ("alpha", "beta")

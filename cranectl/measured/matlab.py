@@ -10,8 +10,7 @@ import numpy as np
 
 from cranectl.measured.arrays import ArrayColumns, Signals
 from cranectl.measured.hdf5 import array_of, is_local
-from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import TableHead
+from cranectl.support import InputError, TableHead
 
 HDF5_START = 512  # [bytes] in a file of version 7.3
 HDF5_MARK = b"\x89HDF"

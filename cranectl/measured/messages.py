@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.measured.arrays import DEEPEST, MAX_LEFT_OUT
-from cranectl.support.arrays import Array
-from cranectl.support.tables.columns import TICK_SECONDS, TableHead, from_arrays
+from cranectl.support import TICK_SECONDS, Array, TableHead, from_arrays
 
 MAX_LIST = 32  # numbers of a list in a message; longer ones are pictures and clouds of points
 STAMPS = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})  # fields of a time, as ROS and others have
@@ -89,8 +88,7 @@ def read_mcap(path: Path, where: str) -> TableHead:
     """Return the head of an MCAP file with rows of signals, JSON or messages of ROS."""
     from mcap.reader import make_reader
 
-    from cranectl.mcap_columns.contents import open_contents
-    from cranectl.mcap_columns.rows import columns_of, decode_table, signal_names
+    from cranectl.mcap_columns import columns_of, decode_table, open_contents, signal_names
 
     arrays: dict[str, Array] = {}
     with path.open("rb") as stream:

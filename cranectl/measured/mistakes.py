@@ -15,8 +15,8 @@ import numpy as np
 from cranectl.measured.correlation import GAIN_RANGE, Response
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap, SignalMap
 from cranectl.measured.responses import Responses, SignalPair
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
+from cranectl.scenario import RigParameters
+from cranectl.support import Array
 
 CLEAR = 0.8  # concordance of a pair that agrees
 DOUBTFUL = 0.9  # concordance of a pair below which a mistake is looked for

@@ -15,9 +15,8 @@ from cranectl.measured.correlation import Response
 from cranectl.measured.mapping import ANGLES, COMMANDS, MIN_ROPE, POSITIONS, MeasuredMap
 from cranectl.measured.mistakes import Columns, Search
 from cranectl.measured.responses import MAX_LATENESS, Recording, Responses, SignalPair
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import RigParameters
+from cranectl.support import Array, InputError
 
 FAST = 3.0  # times the drive's speed limit at which a jump is refused
 STEPS_PER_JUMP = 3.0  # steps of an encoder that a reading may jump at any speed

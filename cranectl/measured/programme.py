@@ -15,14 +15,9 @@ from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
 from cranectl.measured.identification import MAX_READINGS, Estimate, estimates_of
 from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
-from cranectl.scenario import NANOSECONDS, nanoseconds
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import parse_settings
-from cranectl.scenario.similarity import length_scale
+from cranectl.scenario import NANOSECONDS, RigParameters, length_scale, nanoseconds, parse_settings
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.units import at_least, at_most
+from cranectl.support import Array, InputError, at_least, at_most
 
 RUNS = 5  # four to fit, and one to judge the result
 LAB_PERIOD = 0.005  # [s] of set-points on the laboratory rig; grows with the root of the size

@@ -13,18 +13,13 @@ from typing import Literal
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cranectl.controllers.repeated import MEASURED_MOTION, repeated_commands
+from cranectl.controllers import MEASURED_MOTION, repeated_commands
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.steps import longest_agreeing_step
-from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import longest_step
+from cranectl.plants import DRIVES, Drive, longest_agreeing_step
+from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 from cranectl.signals import REFERENCE
-from cranectl.simulate import Plan, Run, simulate_run
-from cranectl.simulate.stepping import prepare_repetition
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.simulate import Plan, Run, prepare_repetition, simulate_run
+from cranectl.support import Array, InputError
 
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
 # than 1e-4 of the noise of the laboratory's encoders (tests/measured/test_replay_steps.py).

@@ -21,8 +21,8 @@ from scipy.signal import lfilter, savgol_coeffs
 
 from cranectl.measured.correlation import Response, Sides, best_response
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array, Mask
+from cranectl.scenario import RigParameters
+from cranectl.support import Array, Mask
 
 SAMPLES_PER_SWING = 40.0  # in the time 1/w of the pendulum, of signals that have more
 SETTLING = 3.0  # of the time 1/w, in which the band forgets the first sample and a gap

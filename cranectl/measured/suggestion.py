@@ -8,9 +8,7 @@ import numpy as np
 
 from cranectl.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, LOAD, POSITIONS, TIMES, UNITS
 from cranectl.measured.tables import read_head
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, printable
-from cranectl.support.tables.columns import TableHead
+from cranectl.support import Array, InputError, TableHead, printable
 
 MAX_SHOWN_COLUMNS = 100  # columns
 MAX_COMPARED_ROWS, MIN_COMPARED_ROWS = 20_000, 20  # in which a column is compared with slopes of others

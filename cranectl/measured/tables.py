@@ -18,11 +18,16 @@ from cranectl.measured.isolated import read_isolated
 from cranectl.measured.mapping import LayoutMap
 from cranectl.measured.matlab import read_matlab
 from cranectl.measured.messages import read_bag, read_mcap
-from cranectl.support.documents import format_of
-from cranectl.support.errors import InputError
-from cranectl.support.files import open_input
-from cranectl.support.tables.columns import READABLE, TableHead, read_parquet, reported
-from cranectl.support.tables.text import read_text
+from cranectl.support import (
+    READABLE,
+    InputError,
+    TableHead,
+    format_of,
+    open_input,
+    read_parquet,
+    read_text,
+    reported,
+)
 
 MAX_FILE_BYTES = 2**31  # of a file
 BEGIN_BYTES = 4096  # by which the type of a file is known

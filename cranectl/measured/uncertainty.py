@@ -23,7 +23,7 @@ from cranectl.measured.experiment import (
     stuck_angle,
     unknowns_of,
 )
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 READING_DRAWS = 400  # of the noise of a run
 LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position is computed

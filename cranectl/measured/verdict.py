@@ -26,9 +26,7 @@ from cranectl.measured.fit import Fit
 from cranectl.measured.identity import overlap, trace_of
 from cranectl.measured.uncertainty import BAND_DEVIATIONS, UncertainPrediction, predict_with_errors
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.units import quantity
+from cranectl.support import Array, InputError, quantity
 
 ENOUGH_LARGER = 20  # draws with a larger statistic, from which their share is known well enough
 SEED = 0  # of the draws

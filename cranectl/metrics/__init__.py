@@ -8,36 +8,6 @@
 `run_metrics(run)` does this for a run in memory. `table` defines all metrics.
 """
 
-from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumulator
-from cranectl.metrics.setup import MetricsSetup, metrics_setup
-from cranectl.metrics.summary import (
-    RunMetrics,
-    WorkspaceViolation,
-    finish,
-    run_metrics,
-    workspace_excess,
-    workspace_violations,
-)
-from cranectl.metrics.table import Measured, Metric, Row, all_metrics, low_is_bad
+import lazy_loader
 
-__all__ = [
-    "NEARLY_SLACK",
-    "Accumulator",
-    "Measured",
-    "Metric",
-    "MetricsSetup",
-    "Row",
-    "RunMetrics",
-    "WorkspaceViolation",
-    "accumulate",
-    "all_metrics",
-    "empty_accumulator",
-    "finish",
-    "low_is_bad",
-    "metrics_setup",
-    "run_metrics",
-    "workspace_excess",
-    "workspace_violations",
-]
-
-NEARLY_SLACK = 0.15  # tension over the load's weight, below which the rope is drawn as nearly slack
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -22,8 +22,7 @@ from cranectl.signals import (
     STATE_COLUMN,
     TENSION_COLUMN,
 )
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 # Sums are over samples, and those of time and work over the intervals between them. Extremes start infinite.
 _SCALARS = (

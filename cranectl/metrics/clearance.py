@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from cranectl.metrics.setup import MetricsSetup
 from cranectl.signals import BRIDGE, LOAD_COLUMN, STATE_COLUMN, TROLLEY
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 HALVINGS = 50  # bisections along the rope, which find its nearest point
 

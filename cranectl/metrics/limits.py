@@ -10,9 +10,8 @@ from pydantic import Field, create_model
 
 from cranectl.metrics.summary import RunMetrics, metric_course
 from cranectl.metrics.table import all_metrics, low_is_bad
-from cranectl.plants.registry import plant_entry
-from cranectl.scenario import Scenario
-from cranectl.scenario.settings import Settings, parse_settings
+from cranectl.plants import plant_entry
+from cranectl.scenario import Scenario, Settings, parse_settings
 from cranectl.simulate import Run
 
 Limit = Annotated[float, Field(ge=0.0)] | None

@@ -5,14 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.reference import HoldPath, build_trajectory
-from cranectl.reference.trajectory import SplinePath
-from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario
-from cranectl.scenario.drawn_size import drawn_load_radius
+from cranectl.plants import DRIVES, Drive
+from cranectl.reference import HoldPath, SplinePath, build_trajectory
+from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario, drawn_load_radius
 from cranectl.signals import COMMAND_COLUMN
-from cranectl.simulate.signal_path import has_signal_path
-from cranectl.support.arrays import Array
+from cranectl.simulate import has_signal_path
+from cranectl.support import Array
 
 FLAG_COLUMN = COMMAND_COLUMN + 3  # first of the three flags of saturation in the record of a signal path
 NO_FLAGS = -1  # column of a run without a signal path

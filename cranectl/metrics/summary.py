@@ -13,9 +13,9 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.arrays import Array
+from cranectl.support import Array, checks_arguments
 
+NEARLY_SLACK = 0.15  # tension over the load's weight, below which the rope is drawn as nearly slack
 OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # JSON has these by axis instead
 
 

@@ -18,9 +18,7 @@ from cranectl.metrics.setup import MetricsSetup
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
 from cranectl.status import RunStatus
-from cranectl.support import extensions
-from cranectl.support.arrays import Array
-from cranectl.support.extensions import with_extensions
+from cranectl.support import Array, extensions, with_extensions
 
 Value = float | tuple[float | None, ...] | None  # a number, a number for each part, or no value
 

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import RigParameters
 from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE
-from cranectl.support.jit import jit
+from cranectl.support import jit
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -35,7 +35,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.support.jit import jit
+from cranectl.support import jit
 
 
 @jit

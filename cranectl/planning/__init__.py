@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.scenario import Scenario
-from cranectl.scenario.load import read_scenario, scenario_file
-from cranectl.support.arguments import checks_arguments
+from cranectl.scenario import Scenario, read_scenario, scenario_file
+from cranectl.support import checks_arguments
 
 
 @checks_arguments

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference.geometry import expand_about, gather, pad, select_between, shift_powers
-from cranectl.reference.series import Series
-from cranectl.support.arrays import Array
+from cranectl.reference import Series, expand_about, gather, pad, select_between, shift_powers
+from cranectl.support import Array
 
 LIBRARY_ERROR = 1e-15  # of NumPy's sine and cosine and a sum with them: four times the largest error
 

@@ -8,12 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from cranectl.planning.arithmetic import Interval
-from cranectl.reference.geometry import LineOrArc, blend_corner, derivatives_at, parts_of
-from cranectl.reference.series import Number, Series
-from cranectl.scenario import Segment
-from cranectl.scenario.along_path import MINIMUM_TIME, Arc, BlendedPath, Line
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.reference import LineOrArc, Number, Series, blend_corner, derivatives_at, parts_of
+from cranectl.scenario import MINIMUM_TIME, Arc, BlendedPath, Line, Segment
+from cranectl.support import Array, InputError
 
 HALF_BLEND_PIECES = 128  # on each of which the distance of half a blend is enclosed
 LENGTH_PRECISION = 1e-3  # relative, of a blend's length

@@ -7,13 +7,8 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.scenario import Scenario
-from cranectl.scenario.load import scenarios_in
-from cranectl.scenario.segments import is_planned
-from cranectl.scenario.settings import MAX_DURATION
-from cranectl.support.arrays import Array
-from cranectl.support.counts import MAX_PLANNED
-from cranectl.support.errors import InputError
+from cranectl.scenario import MAX_DURATION, Scenario, is_planned, scenarios_in
+from cranectl.support import MAX_PLANNED, Array, InputError
 
 MAX_TRIED_DURATION = 1e4  # [s]; longer than a run may be, since the search may still find a faster motion
 REMEDIES = {

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 
 class Edge(NamedTuple):

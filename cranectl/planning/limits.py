@@ -13,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference.series import Series, add, differentiate, divide, multiply, take_root
-from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.drawn_size import drawn_load_radius
-from cranectl.support.arrays import Array
+from cranectl.reference import Series, add, differentiate, divide, multiply, take_root
+from cranectl.scenario import Scenario, Segment, drawn_load_radius
+from cranectl.support import Array
 
 SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits that plans may use, see docs/explanation/planning.md
 ROPE_TOLERANCE = 1e-3  # of its length, by which a constant rope may vary

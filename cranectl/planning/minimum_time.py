@@ -24,10 +24,8 @@ from cranectl.planning.programs import PENALTIES, ProgramBudget, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
-from cranectl.reference.geometry import Geometry
-from cranectl.reference.series import Series, add, add_constant
-from cranectl.reference.time_laws import PLANNED_DEGREE, Law, time_law
-from cranectl.support.arrays import Array
+from cranectl.reference import PLANNED_DEGREE, Geometry, Law, Series, add, add_constant, time_law
+from cranectl.support import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a path
 BLEND_SAMPLES_PER_SPAN = 16  # at first, for paths with blends, where limits vary more within a span

@@ -29,27 +29,38 @@ from cranectl.planning.shortest import (
     find_limiting_constraint,
     find_shortest_duration,
 )
-from cranectl.reference.geometry import Straight, geometry_of, parts_of, position_at
-from cranectl.reference.point_splines import fit_samples, interpolate_way_points
-from cranectl.reference.sanity import check_length
-from cranectl.reference.time_laws import PLANNED_DEGREE, time_law_of
-from cranectl.reference.trajectory import end_point
-from cranectl.scenario import Scenario
-from cranectl.scenario.along_path import (
+from cranectl.reference import (
+    PLANNED_DEGREE,
+    Straight,
+    check_length,
+    end_point,
+    fit_samples,
+    geometry_of,
+    interpolate_way_points,
+    parts_of,
+    position_at,
+    time_law_of,
+)
+from cranectl.scenario import (
+    MAX_DURATION,
     MINIMUM_TIME,
     Along,
     AlongPath,
     Arc,
     BlendedPath,
     Line,
+    Move,
     Plannable,
+    Samples,
+    Scenario,
+    Segment,
+    Spline,
     SplineLaw,
+    WayPoints,
+    is_planned,
+    seconds,
 )
-from cranectl.scenario.segments import Move, Samples, Segment, Spline, WayPoints, is_planned, seconds
-from cranectl.scenario.settings import MAX_DURATION
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.kept import kept
+from cranectl.support import Array, InputError, kept
 
 GUESS_OFFSET = 0.1  # of a move's length, by which the first guess bulges aside and up
 MIN_MOVE = 1e-6  # [m] from one point of a move to the next

@@ -20,9 +20,8 @@ import numpy as np
 from cranectl.planning.arithmetic import inputs
 from cranectl.planning.edges import Edge, edge_excesses
 from cranectl.planning.limits import Constraint, Limits, constraints, motion, side_distances
-from cranectl.reference.series import Number, Series, from_derivatives
-from cranectl.reference.time_laws import PLANNED_DEGREE, derivatives, spline
-from cranectl.support.arrays import Array
+from cranectl.reference import PLANNED_DEGREE, Number, Series, derivatives, from_derivatives, spline
+from cranectl.support import Array
 
 ORDERS = 6  # position and five derivatives, since the rate of the set-points contains the fifth
 REST_COEFFICIENTS = 5  # equal coefficients at each end, which give rest up to the fourth derivative

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from cranectl.planning.problem import Linearisation, Problem
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 EFFORT_WEIGHT = 1e-2  # of the mean square of the efforts, in durations
 PENALTIES = 6.0, 24.0  # on the largest excess as a share of its limit, in durations

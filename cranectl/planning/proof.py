@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from cranectl.planning.arithmetic import Interval, interval, stacked, unbound_nan
 from cranectl.planning.limits import SIDES, Limits, constraints, motion, side_distances
 from cranectl.planning.problem import ORDERS, ToLoad
-from cranectl.reference.series import Series, from_derivatives
-from cranectl.support.arrays import Array
+from cranectl.reference import Series, from_derivatives
+from cranectl.support import Array
 
 PROOF_MARGIN = 1e-9  # tolerated excess of a limit, as a share of its scale, or in metres for obstacles
 MAX_PIECES = 20_000  # after which the proof is given up

@@ -12,14 +12,9 @@ from cranectl.planning.limits import Constraint, constraints, key_of, limits_of,
 from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
-from cranectl.reference.geometry import geometry_of, parts_of
-from cranectl.reference.time_laws import PLANNED_DEGREE, spline
-from cranectl.reference.trajectory import end_point
-from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.along_path import Arc, BlendedPath, Line, Plannable, SplineLaw
-from cranectl.scenario.segments import Spline, seconds
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_ascending
+from cranectl.reference import PLANNED_DEGREE, end_point, geometry_of, parts_of, spline
+from cranectl.scenario import Arc, BlendedPath, Line, Plannable, Scenario, Segment, Spline, SplineLaw, seconds
+from cranectl.support import Array, check_ascending
 
 ACTIVE_SHARE = 0.98  # of a limit, above which it counts as active
 TIME_ROUNDING = 1e-3  # relative; a plan may exceed limits by the tolerance of its proof

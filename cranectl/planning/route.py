@@ -9,8 +9,8 @@ from cranectl.planning.checks import check_height_over
 from cranectl.planning.limits import SIDES, Box, Limits, clearance, motion
 from cranectl.planning.problem import Passage
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.reference.time_laws import time_law
-from cranectl.support.arrays import Array
+from cranectl.reference import time_law
+from cranectl.support import Array
 
 GUESS_POINTS = 401
 ROUNDED_SHARE = 0.15  # of a guess's length, over which a corner is rounded

@@ -8,10 +8,8 @@ from cranectl.planning.checks import MAX_TRIED_DURATION, check_excesses
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
-from cranectl.reference.geometry import Geometry
-from cranectl.reference.series import from_derivatives
-from cranectl.reference.time_laws import time_law
-from cranectl.scenario.settings import MAX_DURATION
+from cranectl.reference import Geometry, from_derivatives, time_law
+from cranectl.scenario import MAX_DURATION
 
 TIME_LAW_DEGREE = 9
 DEGREE_9_COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the time law as one Bernstein polynomial

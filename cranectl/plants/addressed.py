@@ -13,9 +13,17 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import Kernels, Plant
-from cranectl.support.arrays import Array
-from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_object
-from cranectl.support.packed import array_at, packed, type_of, unpacker
+from cranectl.support import (
+    UNCOMPILED,
+    Array,
+    array_at,
+    jit,
+    jit_address,
+    jit_object,
+    packed,
+    type_of,
+    unpacker,
+)
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)

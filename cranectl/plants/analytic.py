@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.model.dynamics import (
+from cranectl.model import (
     AxisMasses,
     angular_accelerations,
     axis_masses,
@@ -17,8 +17,7 @@ from cranectl.model.dynamics import (
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.plants.plant import DRIVES, Drive, Kernels, Triple
 from cranectl.plants.surroundings import FORCE, STICTION_RATE, air_drag, gravity_in_rig
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import NO_EFFECTS, EffectSettings, RigParameters
 from cranectl.signals import (
     ALPHA,
     ALPHA_RATE,
@@ -36,8 +35,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 
 class PassiveForces(NamedTuple):

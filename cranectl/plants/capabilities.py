@@ -5,9 +5,8 @@ from math import isclose
 from cranectl.plants.model_files import plant_argument
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
-from cranectl.scenario.effects import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, spread
-from cranectl.scenario.scenario import Scenario
-from cranectl.support.errors import InputError
+from cranectl.scenario import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, Scenario, spread
+from cranectl.support import InputError
 
 USE_VELOCITY = "take '--drive velocity'"
 SAME_NUMBER = 1e-6  # largest relative difference of a number of the rig and the one built into a plant

@@ -15,9 +15,8 @@ from cranectl.plants.registry import (
     plant_entry,
     plants_to_run,
 )
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.errors import InputError
-from cranectl.support.extensions import check_free, check_name, loaded
+from cranectl.scenario import RigParameters
+from cranectl.support import InputError, check_free, check_name, loaded
 
 MODEL_ENDING = ".xml"
 OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"

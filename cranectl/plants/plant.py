@@ -4,13 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
-from cranectl.scenario.effects import EffectSettings
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import longest_step
-from cranectl.scenario.settings import MIN_DURATION
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.units import exact_seconds
+from cranectl.scenario import MIN_DURATION, EffectSettings, RigParameters, longest_step
+from cranectl.support import Array, InputError, exact_seconds
 
 Drive = Literal["ideal", "velocity", "force"]
 

@@ -11,13 +11,21 @@ from importlib.util import find_spec
 from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.scenario.effects import PARTS, WHOLE_EFFECTS
-from cranectl.support import extensions
-from cranectl.support.arguments import check_fields, checks_arguments
-from cranectl.support.colours import COLOURS, VIEWER
-from cranectl.support.errors import InputError, check_known
-from cranectl.support.extensions import check_free, check_name, loaded, with_extensions
-from cranectl.support.provenance import source_digests
+from cranectl.scenario import PARTS, WHOLE_EFFECTS
+from cranectl.support import (
+    COLOURS,
+    VIEWER,
+    InputError,
+    check_fields,
+    check_free,
+    check_known,
+    check_name,
+    checks_arguments,
+    extensions,
+    loaded,
+    source_digests,
+    with_extensions,
+)
 
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))

@@ -10,9 +10,7 @@ condition. Within it, no difference was above half of the limit (tests/plants/te
 from math import sqrt
 
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.disturbances import nanoseconds
-from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import STEP_ROUNDING, Scenario, default_step, longest_step
+from cranectl.scenario import STEP_ROUNDING, RigParameters, Scenario, default_step, longest_step, nanoseconds
 
 STEPS_PER_TIME = 20.0  # in the shortest lag, and in the swing's 1 / ω
 SWEPT_ROPE = 1.4  # [m]; longest rope of the crane with the most violent runs of the sweep

@@ -4,8 +4,8 @@ from math import sin, sqrt
 
 import numpy as np
 
-from cranectl.scenario.effects import EffectSettings, Wind
-from cranectl.support.arrays import Array
+from cranectl.scenario import EffectSettings, Wind
+from cranectl.support import Array
 
 FORCE = 3  # first column of the force on the load in `wind`, after the velocity of the air
 STICTION_RATE = 0.01  # [rad/s]; below it a model without a constraint solver smooths Coulomb's friction

@@ -14,11 +14,18 @@ import numpy as np
 from cranectl.plants.capabilities import lacking
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PlantEntry, plant_entry
-from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, PARTS, WHOLE_EFFECTS, EffectSettings, Wind, spread
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import (
+    EFFECTS,
+    NO_EFFECTS,
+    PARTS,
+    WHOLE_EFFECTS,
+    EffectSettings,
+    RigParameters,
+    Wind,
+    spread,
+)
 from cranectl.signals import ALPHA, BETA, ROPE
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 PROBE_PERIOD, PROBE_PERIODS = 1e-3, 50  # control period [s], and number of periods
 SECONDS = PROBE_PERIOD * PROBE_PERIODS

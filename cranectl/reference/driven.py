@@ -23,8 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 STATES = 5  # of an axis: z, lag_1 … lag_4
 COMMAND_SIZE = 4  # numbers of a command: 1 for a point or 0 for a velocity, then its x, y, z
@@ -67,7 +66,7 @@ class DrivenPath:
         states = self._states[index]
         for k in np.flatnonzero(time - index * self.period > SAMPLE_TOLERANCE):
             states[k] = self._between(index[k], float(time[k] - index[k] * self.period))
-        return derivatives(self.limits, states)
+        return driven_derivatives(self.limits, states)
 
     def _between(self, sample: int, seconds: float) -> Array:
         commands = commands_at(self.changes, np.array([sample]))
@@ -124,7 +123,7 @@ def stopping_points(limits: HandLimits, states: Array) -> Array:
     return stop
 
 
-def derivatives(limits: HandLimits, states: Array) -> Array:
+def driven_derivatives(limits: HandLimits, states: Array) -> Array:
     """Return position and four derivatives of `states` (n, 3, STATES): shape (n, 5, 3)."""
     z, one, two, three, four = np.moveaxis(states, -1, 0)
     omega = limits.bandwidth

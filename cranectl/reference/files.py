@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
-from cranectl.scenario.recorded import FromFile, Source, Units
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.files import open_input
-from cranectl.support.tables.columns import TICK_SECONDS
+from cranectl.scenario import FromFile, Source, Units
+from cranectl.support import TICK_SECONDS, Array, InputError, open_input, unknown_name
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
@@ -159,8 +156,7 @@ def _apply_signs(columns: dict[str, Array], settings: FromFile) -> dict[str, Arr
 
 def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) -> RecordedMotion:
     """Read the motion from a log, which states its units."""
-    from cranectl.mcap_columns.contents import opened
-    from cranectl.mcap_columns.rows import decode_table, read_rows, signal_names
+    from cranectl.mcap_columns import decode_table, opened, read_rows, signal_names
 
     if "speed" in kinds:
         raise InputError(

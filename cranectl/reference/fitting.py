@@ -16,7 +16,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from cranectl.reference.normal_equations import DEGREE, REST_COEFFICIENTS, DesignMatrix, free_indices
 from cranectl.reference.time_laws import spline
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 INTERPOLATION_DEGREE = 9
 NATURAL_ORDER = 4  # derivatives from this order on vanish at the ends of a path

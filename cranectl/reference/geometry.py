@@ -26,10 +26,8 @@ from cranectl.reference.series import (
     multiply,
 )
 from cranectl.reference.time_laws import Law, progress, spline
-from cranectl.scenario.along_path import Along, Arc, BlendedPath, Line, check_moves
-from cranectl.scenario.segments import Spline
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import Along, Arc, BlendedPath, Line, Spline, check_moves
+from cranectl.support import Array, InputError
 
 MATCHED_ORDERS = 6  # position and five derivatives, in which a blend matches its neighbours
 MAX_OVERLAP = 1e-6  # of a part's length, by which its two blends may overlap

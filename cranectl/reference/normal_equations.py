@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from cranectl.reference.time_laws import spline
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 DEGREE = 7
 ORDER = DEGREE + 1

@@ -10,12 +10,20 @@ from scipy.interpolate import BSpline
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import RecordedSamples, interpolate_path, interpolate_points
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
-from cranectl.scenario import Scenario
-from cranectl.scenario.recorded import TO_START, FitNumbers, FromFile
-from cranectl.scenario.segments import MAX_SPANS, MAX_SPLINE_POINTS, Hold, Samples, Spline, WayPoints
-from cranectl.scenario.settings import parse_settings
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import (
+    MAX_SPANS,
+    MAX_SPLINE_POINTS,
+    TO_START,
+    FitNumbers,
+    FromFile,
+    Hold,
+    Samples,
+    Scenario,
+    Spline,
+    WayPoints,
+    parse_settings,
+)
+from cranectl.support import Array, InputError
 
 NEGLIGIBLE_SHARE = 0.2  # of the settling tolerance: 1 mm on the laboratory rig
 EXACT_SHARE = (

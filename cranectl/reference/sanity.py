@@ -5,13 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import BSpline
 
-from cranectl.model.flatness import states_and_inputs
+from cranectl.model import states_and_inputs
 from cranectl.reference.time_laws import derivatives
-from cranectl.scenario import Scenario
-from cranectl.scenario.settings import MAX_DURATION
+from cranectl.scenario import MAX_DURATION, Scenario
 from cranectl.signals import ACCELERATION, Z
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 MIN_SAMPLES = 50  # ten folds of five samples
 END_SAMPLES = 10  # from which rest at an end is judged, or all within 0.1 s if these are more

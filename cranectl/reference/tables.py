@@ -8,11 +8,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cranectl.support.arrays import Array
-from cranectl.support.documents import format_of
-from cranectl.support.errors import InputError, unknown_name
-from cranectl.support.tables.columns import TableHead, not_numbers, read_parquet, reported
-from cranectl.support.tables.text import read_text
+from cranectl.support import (
+    Array,
+    InputError,
+    TableHead,
+    format_of,
+    not_numbers,
+    read_parquet,
+    read_text,
+    reported,
+    unknown_name,
+)
 
 MAX_FILE_ROWS = 2_000_000
 PARQUET_MAGIC = b"PAR1"

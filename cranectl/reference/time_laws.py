@@ -9,9 +9,8 @@ import functools
 import numpy as np
 from scipy.interpolate import BPoly, BSpline
 
-from cranectl.scenario.along_path import AlongPath, SplineLaw
-from cranectl.scenario.segments import Spline
-from cranectl.support.arrays import Array
+from cranectl.scenario import AlongPath, Spline, SplineLaw
+from cranectl.support import Array
 
 REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}  # number of derivatives that vanish at both ends
 

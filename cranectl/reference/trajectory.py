@@ -9,12 +9,21 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from cranectl.reference.time_laws import Law, derivatives, progress, spline, time_law_of
-from cranectl.scenario import ReferenceSettings, Segment
-from cranectl.scenario.along_path import Arc, BlendedPath, Line, check_moves
-from cranectl.scenario.recorded import Driven
-from cranectl.scenario.segments import AddedSegment, Hold, Spline, added_kinds, seconds
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.scenario import (
+    AddedSegment,
+    Arc,
+    BlendedPath,
+    Driven,
+    Hold,
+    Line,
+    ReferenceSettings,
+    Segment,
+    Spline,
+    added_kinds,
+    check_moves,
+    seconds,
+)
+from cranectl.support import Array, InputError
 
 JUMP_TOLERANCE = 1e-9  # of the largest value of a derivative, or of 1; smaller jumps are rounding
 SAMPLE_TOLERANCE = 1e-9  # [s]; joints are sums of decimal durations, and a sample this close counts as at it

@@ -8,9 +8,8 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.render.timeline import Timeline
-from cranectl.scenario.drawn_size import drawn_trail
-from cranectl.support.colours import LIGHT, SLACK_ROPE
-from cranectl.support.units import difference_in
+from cranectl.scenario import drawn_trail
+from cranectl.support import LIGHT, SLACK_ROPE, difference_in
 
 SUPERSAMPLING = 4  # of symbols, since Pillow draws shapes with hard edges
 PLATE_COLOUR = (255, 255, 255, 175)  # behind the legend

@@ -19,10 +19,7 @@ from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
-from cranectl.support.errors import InputError, check_known
-from cranectl.support.files import replacing, writing
+from cranectl.support import LIGHT, SLACK_ROPE, Array, InputError, check_known, replacing, rgb, writing
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}

@@ -9,9 +9,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-from cranectl.support.children import answer_of_program
-from cranectl.support.errors import InputError
-from cranectl.support.search_path import MARK, SAFE_PATH
+from cranectl.support import MARK, SAFE_PATH, InputError, answer_of_program
 
 HEADLESS = ("egl", "osmesa")
 BACKENDS = (*HEADLESS, "glfw", "cgl")

@@ -13,9 +13,7 @@ from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Timeline, Track
-from cranectl.support.arrays import Array
-from cranectl.support.colours import LIGHT
-from cranectl.support.units import scaled
+from cranectl.support import LIGHT, Array, scaled
 
 DPI = 100.0
 REFERENCE_SIZE = (480.0, 720.0)  # [px], at scale 1

@@ -8,16 +8,20 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.geometry import ASPECT, FLOOR, NEAR_POST, drawn_spec
-from cranectl.plants.mujoco.model import state_addresses
-from cranectl.plants.mujoco.own_geometry import OwnGeometry, own_geometry
-from cranectl.plants.mujoco.own_model import SiteModel
+from cranectl.plants import (
+    ASPECT,
+    FLOOR,
+    NEAR_POST,
+    OwnGeometry,
+    SiteModel,
+    drawn_spec,
+    own_geometry,
+    state_addresses,
+)
 from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
-from cranectl.scenario.drawn_size import drawn_box, drawn_reach, drawn_scale
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
-from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
+from cranectl.scenario import RigParameters, drawn_box, drawn_reach, drawn_scale
+from cranectl.support import LIGHT, SLACK_ROPE, Array, rgb
 
 Pixels = NDArray[np.uint8]
 Colour = tuple[float, float, float]

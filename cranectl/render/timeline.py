@@ -7,12 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.plants.registry import plant_entry, shown_plant
-from cranectl.scenario.drawn_size import drawn_scale, drawn_trail
+from cranectl.plants import plant_entry, shown_plant
+from cranectl.scenario import drawn_scale, drawn_trail
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.colours import LIGHT, VIEWER_SERIES
-from cranectl.support.errors import InputError
+from cranectl.support import LIGHT, VIEWER_SERIES, Array, InputError, Mask
 
 TRAIL_POINTS = 60
 DASH_LENGTH, DASH_PERIOD = 0.035, 0.065  # [m] of the reference path, times the rig's scale

@@ -12,15 +12,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cranectl.controllers.controller import Controller, LinearController
-from cranectl.design import ControllerDesign, Design
-from cranectl.design.linear_systems import closed_loop_poles, inner_loop, loop_margins, open_loop
-from cranectl.design.loop_shaping import error_weight
-from cranectl.design.records import Margins
+from cranectl.controllers import Controller, LinearController
+from cranectl.design import (
+    ControllerDesign,
+    Design,
+    Margins,
+    closed_loop_poles,
+    error_weight,
+    inner_loop,
+    loop_margins,
+    open_loop,
+)
 from cranectl.report.table import Table, cells
 from cranectl.report.theme import WIDTH, canvas
-from cranectl.scenario.design import LoopShapingSettings
-from cranectl.support.arrays import Array
+from cranectl.scenario import LoopShapingSettings
+from cranectl.support import Array
 
 ROUNDING = 1e4  # the largest observed factor by which poles that nearly coincide amplify rounding
 OMEGA = np.logspace(-2, 3, 800)  # [rad/s]

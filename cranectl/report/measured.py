@@ -21,7 +21,7 @@ from cranectl.measured.verdict import (
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.table import Cell, Table, tabulate
 from cranectl.report.theme import SERIES, STAND_IN, TIME, WIDTH, canvas, make_room
-from cranectl.support.units import quantity
+from cranectl.support import quantity
 
 MARKS = {COVERED: "good", WITHIN_TOLERANCE: "open", NOT_DECIDED: "open", NOT_COVERED: "bad"}  # worst last
 MILLIMETRES = MILLIRADIANS = 1e3

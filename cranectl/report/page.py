@@ -16,7 +16,7 @@ from PIL.Image import Image
 
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, standalone_svg, styled
-from cranectl.support.files import BY_ENDING, check_place, replacing, write_text, writing
+from cranectl.support import BY_ENDING, check_place, replacing, write_text, writing
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from matplotlib.patches import Rectangle
 from cranectl.planning.limits import AXES
 from cranectl.planning.review import ACTIVE_SHARE, Review
 from cranectl.report.table import Table, cells
-from cranectl.scenario import Scenario
-from cranectl.scenario.segments import seconds
+from cranectl.scenario import Scenario, seconds
 
 LIMIT_COLOUR = "C1"
 PANELS = {  # title: quantities, each with its label

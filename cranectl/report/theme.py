@@ -22,9 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from cranectl.support.colours import COLOURS, LIGHT
-from cranectl.support.errors import InputError
-from cranectl.support.files import replacing
+from cranectl.support import COLOURS, LIGHT, InputError, replacing
 
 WIDTH = 6.4  # [in] of most figures
 LETTER = 5.2  # [pt], mean width of the letters of labels

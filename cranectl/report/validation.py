@@ -11,16 +11,15 @@ from PIL.Image import Image
 
 from cranectl.cases.pairwise import Pairwise
 from cranectl.cases.validation import PLANTS, JudgedValue, Validation, Verdict, judged_values
-from cranectl.plants.registry import reference_plant
+from cranectl.plants import reference_plant
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.run.differences import pair_tables
 from cranectl.report.run.first_screen import BADGES
 from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, run_table
 from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
 from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
-from cranectl.scenario import Scenario
-from cranectl.scenario.drawn_size import crane_kind
-from cranectl.support.units import difference_in, exact_seconds, quantity
+from cranectl.scenario import Scenario, crane_kind
+from cranectl.support import difference_in, exact_seconds, quantity
 
 SHOWN = 10  # rows, the worst first, before the others are folded
 SHOWN_SCENARIOS = 12  # that have sections and pictures, the worst first

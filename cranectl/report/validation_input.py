@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cranectl.cases.validation import Validation
-from cranectl.controllers.registry import controller_digests
+from cranectl.controllers import controller_digests
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.report.page import Fact
 from cranectl.scenario import Scenario
-from cranectl.support.provenance import FINGERPRINT_DIGITS, fingerprints, provenance
+from cranectl.support import FINGERPRINT_DIGITS, fingerprints, provenance
 
 PATH_SAMPLES = 2001  # of a reference whose length is shown
 TONNE = 1000.0  # [kg] from which on a mass is shown in tonnes

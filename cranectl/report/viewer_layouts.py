@@ -9,9 +9,8 @@ from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
-from cranectl.log import topics
-from cranectl.log.overlay import STEP
-from cranectl.plants.registry import PLANTS, default_plants, in_order, reference_plant
+from cranectl.log import STEP, topics
+from cranectl.plants import PLANTS, default_plants, in_order, reference_plant
 from cranectl.report.viewer_panels import (
     Layout,
     Panel,
@@ -28,11 +27,9 @@ from cranectl.report.viewer_panels import (
     standings,
     without_legend,
 )
-from cranectl.scenario.drawn_size import LABORATORY
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import LABORATORY, RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
-from cranectl.support.colours import VIEWER, VIEWER_SERIES
-from cranectl.support.errors import InputError, check_known
+from cranectl.support import VIEWER, VIEWER_SERIES, InputError, check_known
 
 Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {

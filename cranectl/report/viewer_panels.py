@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from cranectl.log import topics
-from cranectl.plants.registry import PLANTS
-from cranectl.scenario.drawn_size import drawn_as_filed, drawn_box, drawn_eye, drawn_reach
-from cranectl.scenario.rig import RigParameters
+from cranectl.plants import PLANTS
+from cranectl.scenario import RigParameters, drawn_as_filed, drawn_box, drawn_eye, drawn_reach
 
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side

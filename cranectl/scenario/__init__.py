@@ -1,8 +1,5 @@
 """Scenarios, rigs and effects, and how they are read from TOML files."""
 
-from cranectl.scenario.design import DesignSettings
-from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds
-from cranectl.scenario.scenario import ReferenceSettings, Scenario
-from cranectl.scenario.segments import Segment
+import lazy_loader
 
-__all__ = ["NANOSECONDS", "DesignSettings", "ReferenceSettings", "Scenario", "Segment", "nanoseconds"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

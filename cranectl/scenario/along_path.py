@@ -16,8 +16,7 @@ from cranectl.scenario.settings import (
     Settings,
     Text,
 )
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 SHORTEST = "shortest"
 Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]

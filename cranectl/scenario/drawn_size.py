@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 LABORATORY = RigParameters()
 FILED_RADIUS = 0.05  # [m] of the model file's ball of 1 kg: 1910 kg/m³, like a loaded container

@@ -23,11 +23,19 @@ from cranectl.scenario.scenario import (
 from cranectl.scenario.segments import Segment, Spline
 from cranectl.scenario.settings import Assigned, override, parse_settings
 from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
-from cranectl.support import resources
-from cranectl.support.arrays import Array
-from cranectl.support.documents import Table, differences, is_plain, leaves, merged, parse_json, read_toml
-from cranectl.support.errors import InputError
-from cranectl.support.files import replacing
+from cranectl.support import (
+    Array,
+    InputError,
+    Table,
+    differences,
+    is_plain,
+    leaves,
+    merged,
+    parse_json,
+    read_toml,
+    replacing,
+    resources,
+)
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # The rig's numbers of effects are not reported either: the effects of the run have them.

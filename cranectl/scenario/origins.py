@@ -11,9 +11,7 @@ from cranectl.scenario.load import rig_files, rig_table
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import describe, override, parse_settings
 from cranectl.scenario.similarity import check_size, length_scale, scale_of
-from cranectl.support import resources
-from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError
+from cranectl.support import InputError, leaves, resources
 
 SCALED, ASSUMED = "scaled", "assumed"
 OF_DRAWINGS = ("look.", "plant.", "model")  # told only where they are stated

@@ -23,7 +23,7 @@ from cranectl.scenario.settings import (
     RuleError,
     Settings,
 )
-from cranectl.support.units import exact_seconds
+from cranectl.support import exact_seconds
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MAX_DIVISOR = 1_000_000  # divisors of a period that are tried

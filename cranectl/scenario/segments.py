@@ -35,8 +35,7 @@ from cranectl.scenario.along_path import (
 )
 from cranectl.scenario.recorded import Driven, FitNumbers, FromFile, Source
 from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, RuleError, Settings
-from cranectl.support import extensions
-from cranectl.support.extensions import with_extensions
+from cranectl.support import extensions, with_extensions
 
 MAX_SPLINE_POINTS = 2000  # way points of a spline through all of them
 MAX_SPANS = 1000  # of a spline that is fitted to samples

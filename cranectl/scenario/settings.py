@@ -10,8 +10,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
 
-from cranectl.support.documents import MAX_DEPTH, Table, assign, mapped, toml_value
-from cranectl.support.errors import InputError, did_you_mean, printable
+from cranectl.support import MAX_DEPTH, InputError, Table, assign, did_you_mean, mapped, printable, toml_value
 
 
 class Settings(BaseModel):

@@ -15,8 +15,7 @@ from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.scenario import MetricSettings
 from cranectl.scenario.settings import Scaled, Settings, scales_of
-from cranectl.support.documents import Table, assign, leaves, mapped, merged
-from cranectl.support.errors import InputError
+from cranectl.support import InputError, Table, assign, leaves, mapped, merged
 
 ROPE_BOUNDS = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
 OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.model.dynamics import AxisMasses, axis_masses, drive_forces, forced_accelerations
-from cranectl.plants.plant import DRIVES, Drive
+from cranectl.model import AxisMasses, axis_masses, drive_forces, forced_accelerations
+from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 BRAKING = 0.1  # [s] time constant with which the drives come to rest while the rope is slack; assumed
 

@@ -14,8 +14,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.errors import MachineError, printable
+from cranectl.support import Array, MachineError, printable
 
 CAN_FORK = hasattr(os, "fork")
 # [s] for a block by default, to end only controllers that hang: a predictive controller takes ten seconds for
@@ -48,7 +47,7 @@ def blocks_in_child(
     as `controller-failed`. Time that it waits for a processor or for a program to start does not count.
     Raises MachineError if the child is killed from outside, or lacks memory or disk space.
     """
-    from cranectl.support.children import ChildError, fork_child  # only for controllers from outside
+    from cranectl.support import ChildError, fork_child  # only for controllers from outside
 
     def work(connection: Connection) -> None:
         libc = ctypes.CDLL(None)

@@ -11,20 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.preparation import prepared
-from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.controllers import controller_design, controller_of, prepared
 from cranectl.design import ControllerDesign
-from cranectl.plants.model_files import OWN_PLANT
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PLANTS, plant_entry
-from cranectl.scenario import Scenario
-from cranectl.scenario.along_path import MINIMUM_TIME, SHORTEST
-from cranectl.scenario.effects import EFFECTS
-from cranectl.scenario.segments import Move, is_planned
+from cranectl.plants import DRIVES, OWN_PLANT, PLANTS, Drive, plant_entry
+from cranectl.scenario import EFFECTS, MINIMUM_TIME, SHORTEST, Move, Scenario, is_planned
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
-from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError, matching
+from cranectl.support import InputError, leaves, matching
 
 LAG = "rig.*_time_constant"
 OF_MODELS = ("rig.model", "rig.plant.names.*")

@@ -13,16 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.controllers.addressed import JOINTS, CompiledController, addressed_step, addressed_wait
-from cranectl.controllers.controller import ROPE_TAUT
-from cranectl.plants.addressed import (
+from cranectl.controllers import JOINTS, ROPE_TAUT, CompiledController, addressed_step, addressed_wait
+from cranectl.plants import (
     AddressedPlant,
+    Plant,
     addressed_plant,
     addressed_warnings,
     advance_addressed,
     measure_addressed,
 )
-from cranectl.plants.plant import Plant
 from cranectl.signals import (
     COMMAND_COLUMN,
     DISTURBANCE_COLUMN,
@@ -44,8 +43,7 @@ from cranectl.simulate.actuation import (
 )
 from cranectl.simulate.signal_path import SignalPath, act, sense
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit, jit_loop
+from cranectl.support import Array, jit, jit_loop
 
 RUNNING = int(RunStatus.RUNNING)
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)

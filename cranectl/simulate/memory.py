@@ -8,15 +8,12 @@ import math
 from collections.abc import Iterable
 
 from cranectl.design import ControllerDesign
-from cranectl.plants.plant import Drive
-from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.scenario.drawn_size import drawn_trail
-from cranectl.scenario.scenario import MAX_DIVISOR
+from cranectl.plants import Drive
+from cranectl.scenario import MAX_DIVISOR, NANOSECONDS, Scenario, drawn_trail, nanoseconds
 from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
-from cranectl.support.errors import InputError
-from cranectl.support.units import exact_seconds
+from cranectl.support import InputError, exact_seconds
 
 MAX_BYTES = 2**30
 MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together

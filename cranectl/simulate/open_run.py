@@ -6,10 +6,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from cranectl.controllers.repeated import repeated_commands
-from cranectl.plants.plant import DRIVES, Plant
-from cranectl.plants.registry import REFERENCE_PLANT
-from cranectl.plants.surroundings import FORCE, air_velocity
+from cranectl.controllers import repeated_commands
+from cranectl.plants import DRIVES, FORCE, REFERENCE_PLANT, Plant, air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import REFERENCE, STATE, TENSION
 from cranectl.simulate.plan import Plan, check_start, plan_scenario
@@ -17,10 +15,7 @@ from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant, start_run
 from cranectl.simulate.stepping import SteppedRun, prepare_repetition, rows_at
 from cranectl.status import RunStatus
-from cranectl.support.arguments import check_whole, checks_arguments
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, shown
-from cranectl.support.turns import TakesTurns
+from cranectl.support import Array, InputError, TakesTurns, check_whole, checks_arguments, shown
 
 DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
 MAX_STEPPED = 10**7  # samples in one step

@@ -11,9 +11,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from cranectl.plants.addressed import measure_addressed
-from cranectl.plants.plant import Plant
-from cranectl.plants.registry import REFERENCE_PLANT
+from cranectl.plants import REFERENCE_PLANT, Plant, measure_addressed
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
@@ -29,12 +27,22 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
-from cranectl.support.arguments import checked, checks_arguments
-from cranectl.support.arrays import Array
-from cranectl.support.counts import MAX_CRANES
-from cranectl.support.errors import InputError, shown
-from cranectl.support.jit import UNCOMPILED, jit, jit_address, jit_loop
-from cranectl.support.packed import packed, pointer_after, type_of, unpacker
+from cranectl.support import (
+    MAX_CRANES,
+    UNCOMPILED,
+    Array,
+    InputError,
+    checked,
+    checks_arguments,
+    jit,
+    jit_address,
+    jit_loop,
+    packed,
+    pointer_after,
+    shown,
+    type_of,
+    unpacker,
+)
 
 RUNNING = int(RunStatus.RUNNING)
 ROWS = 256  # samples of a crane that are computed at a time

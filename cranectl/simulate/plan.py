@@ -5,15 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.model.flatness import states_and_inputs
-from cranectl.plants.surroundings import air_velocity
+from cranectl.model import states_and_inputs
+from cranectl.plants import air_velocity
 from cranectl.reference import build_trajectory
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.load import scenarios_in
+from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
 from cranectl.simulate.memory import check_planned
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 AXES = ("bridge", "trolley", "rope")
 

@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import ControllerDesign
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.steps import with_step
+from cranectl.plants import DRIVES, Drive, with_step
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION, SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 
 def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:

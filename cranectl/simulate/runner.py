@@ -6,22 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import (
+from cranectl.controllers import (
     CompiledController,
+    Controller,
+    LinearController,
+    Nominal,
+    Tracker,
     bind_address,
     compile_controller,
+    controller_design,
+    controller_of,
+    linearised,
+    make_tracker,
     with_own_memory,
 )
-from cranectl.controllers.controller import Controller, LinearController, Nominal
-from cranectl.controllers.flat import Tracker, make_tracker
-from cranectl.controllers.preparation import linearised
-from cranectl.controllers.registry import controller_design, controller_of
 from cranectl.design import ControllerDesign, Design
-from cranectl.plants.capabilities import check_scenario
-from cranectl.plants.model_files import examine
-from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.plants.registry import REFERENCE_PLANT
-from cranectl.plants.steps import substeps
+from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, Plant, check_scenario, examine, substeps
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
@@ -33,10 +33,7 @@ from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
-from cranectl.support.arguments import checks_arguments
-from cranectl.support.arrays import Array
-from cranectl.support.errors import unknown_name
-from cranectl.support.renamed import renamed_arguments
+from cranectl.support import Array, checks_arguments, renamed_arguments, unknown_name
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
@@ -227,7 +224,7 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
     entry = examine(name, scenario.rig)
     check_scenario(scenario, plant=entry.name, drive=drive)
     if not entry.is_own:
-        from cranectl.plants.trials import check_honest
+        from cranectl.plants import check_honest
 
         check_honest(entry.name, drive)
     steps = substeps(scenario, drive)

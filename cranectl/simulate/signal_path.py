@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.observer import (
+from cranectl.controllers import (
     EXPECTED,
     JOINTS,
     Observer,
@@ -22,14 +22,11 @@ from cranectl.controllers.observer import (
     observe,
     predict,
 )
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.surroundings import FORCE
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import DriveLimits, EffectSettings, Installation, Sensing
+from cranectl.plants import DRIVES, FORCE, Drive
+from cranectl.scenario import NANOSECONDS, DriveLimits, EffectSettings, Installation, Scenario, Sensing
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
 from cranectl.simulate.actuation import commands_at_start, drive_acceleration
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 
 class Encoders(NamedTuple):

@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers.addressed import CompiledController, compile_controller
-from cranectl.controllers.controller import Controller, Nominal
+from cranectl.controllers import CompiledController, Controller, Nominal, compile_controller
 from cranectl.design import ControllerDesign
-from cranectl.plants.plant import Drive, Plant
+from cranectl.plants import Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH, REFERENCE
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun
 from cranectl.simulate.signal_path import whole_record
 from cranectl.status import RunStatus
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 
 def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:

@@ -30,7 +30,7 @@ def packed(value: Any) -> Array:
     """
     forms: list[str] = []
     words: list[float | int] = []
-    for leaf in leaves(value):
+    for leaf in block_leaves(value):
         if isinstance(leaf, np.ndarray):
             forms.append(f"{array_words(leaf)}q")
             words += (leaf.ctypes.data, *leaf.shape, *leaf.strides)
@@ -45,11 +45,11 @@ def packed(value: Any) -> Array:
     return np.frombuffer(bytearray(struct.pack("".join(forms), *words) or bytes(8)))
 
 
-def leaves(value: Any) -> Iterator[Any]:
+def block_leaves(value: Any) -> Iterator[Any]:
     """Yield what nested tuples hold, in the order of a block; None is left out."""
     if isinstance(value, tuple):
         for part in value:
-            yield from leaves(part)
+            yield from block_leaves(part)
     elif value is not None:
         yield value
 

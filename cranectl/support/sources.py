@@ -3,10 +3,12 @@
 import functools
 import hashlib
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
+_EXPORT = re.compile(r"^from \.([.\w]*) import (\w+)", re.MULTILINE)  # a line of a face, which is a stub file
 
 
 def sources_digest(*paths: Path) -> str:
@@ -39,9 +41,27 @@ def _imported(path: Path) -> frozenset[Path]:
     files: set[Path | None] = set()
     for match in _IMPORT.finditer(source_of(path)):
         module = PACKAGE.joinpath(*match[1].split("."))
-        parts = [_file(module / name) for name in re.findall(r"\w+", match[2] or "")]
-        files.update(parts if parts and all(parts) else [*parts, _file(module)])
+        names = re.findall(r"\w+", match[2] or "")
+        homes = exported(module)
+        parts = [homes.get(name) or _file(module / name) for name in names]
+        files.update(parts if parts and all(parts) else [*parts, _file(module), *homes.values()])
     return frozenset(file for file in files if file)
+
+
+@functools.cache
+def exported(folder: Path) -> Mapping[str, Path]:
+    """Return the files of the names that a folder's face exports; a face loads them when they are used."""
+    stub = folder / "__init__.pyi"
+    lines = _EXPORT.findall(source_of(stub)) if stub.is_file() else ()
+    homes = {name: _home(folder, module, name) for module, name in lines}
+    return {name: home for name, home in homes.items() if home}
+
+
+def _home(folder: Path, module: str, name: str) -> Path | None:
+    """Return the file of a name of a face: of a module, of a name in it, or of a name of another face."""
+    source = folder.joinpath(*module.split("."))
+    inner = exported(source).get(name) if source != folder else None
+    return inner or _file(source / name) or _file(source)
 
 
 def _file(module: Path) -> Path | None:

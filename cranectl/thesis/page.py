@@ -19,8 +19,7 @@ from cranectl.report.run.page import agreement, caption
 from cranectl.report.table import Cell, Table, cells
 from cranectl.report.theme import SERIES, WIDTH, canvas
 from cranectl.simulate import Run
-from cranectl.support import resources
-from cranectl.support.documents import read_toml
+from cranectl.support import read_toml, resources
 from cranectl.thesis.reproduction import (
     FEEDBACK,
     ROBUSTIFIERS,

@@ -9,12 +9,11 @@ from typing import Any
 from cranectl.design import Design, design_controller
 from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.planning import load_scenario
-from cranectl.plants.plant import Drive
+from cranectl.plants import Drive
 from cranectl.scenario import DesignSettings, Scenario
 from cranectl.signals import LOAD
 from cranectl.simulate import Run, plan_scenario, simulate_run
-from cranectl.support import resources
-from cranectl.support.documents import read_toml
+from cranectl.support import read_toml, resources
 
 # The six controllers of the thesis, with its names; cranectl has more.
 FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}

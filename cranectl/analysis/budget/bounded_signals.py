@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, TrajectoryLoop
-from cranectl.controllers.observer import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
-from cranectl.simulate.signal_path import Encoders, read_encoder
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit_called
+from cranectl.controllers import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
+from cranectl.simulate import Encoders, read_encoder
+from cranectl.support import Array, jit_called
 
 STATES = 3  # of the estimator of one joint
 NEGLIGIBLE = 1e-60

@@ -18,17 +18,13 @@ from scipy.linalg import expm
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_plant
-from cranectl.controllers.registry import only_flat
-from cranectl.plants.analytic import derivative
-from cranectl.plants.mujoco.model import ideal_inertia
+from cranectl.controllers import only_flat
+from cranectl.plants import derivative, ideal_inertia
 from cranectl.reference import build_trajectory
-from cranectl.scenario import NANOSECONDS
-from cranectl.scenario.effects import DriveLimits, Friction
+from cranectl.scenario import NANOSECONDS, DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
-from cranectl.simulate import Run
-from cranectl.simulate.signal_path import limited, make_limits
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit_called
+from cranectl.simulate import Run, limited, make_limits
+from cranectl.support import Array, jit_called
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:

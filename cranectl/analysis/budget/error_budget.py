@@ -16,12 +16,10 @@ from cranectl.analysis.budget.trajectory_loop import STRUCTURE, nominal_run
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers.registry import flat_design, only_flat
-from cranectl.scenario import Scenario
-from cranectl.scenario.effects import NO_EFFECTS
-from cranectl.simulate import simulate_run
-from cranectl.simulate.memory import check_several
-from cranectl.support.errors import check_known
+from cranectl.controllers import flat_design, only_flat
+from cranectl.scenario import NO_EFFECTS, Scenario
+from cranectl.simulate import check_several, simulate_run
+from cranectl.support import check_known
 
 Progress = Callable[[float], None]  # called with simulated seconds
 

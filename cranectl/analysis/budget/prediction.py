@@ -41,11 +41,10 @@ from cranectl.analysis.budget.propagation import (
 )
 from cranectl.analysis.budget.trajectory_loop import STRUCTURE, LinearisedRun, TrajectoryLoop
 from cranectl.analysis.ladder import Size, size_of
-from cranectl.controllers.observer import Observer, make_observer
-from cranectl.controllers.registry import only_flat
-from cranectl.scenario.effects import Sensing
-from cranectl.simulate.signal_path import Encoders, make_encoders
-from cranectl.support.arrays import Array
+from cranectl.controllers import Observer, make_observer, only_flat
+from cranectl.scenario import Sensing
+from cranectl.simulate import Encoders, make_encoders
+from cranectl.support import Array
 
 LEVELS = (
     "sampled", "engine", "servos", "limits", "observer", "noise", "quantisation", "delay",

@@ -16,10 +16,9 @@ from cranectl.analysis.budget.trajectory_loop import (
     command_outputs,
     next_states,
 )
-from cranectl.controllers.registry import only_flat
+from cranectl.controllers import only_flat
 from cranectl.simulate import Run, tracker_of
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit_called
+from cranectl.support import Array, jit_called
 
 FRICTION_ITERATIONS = 4  # over the axes, because the friction of one changes the rates of the others
 

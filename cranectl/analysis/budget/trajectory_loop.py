@@ -23,33 +23,32 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers.flat import Tracker
-from cranectl.controllers.registry import flat_design, only_flat
-from cranectl.design.discretisation import diagonal
-from cranectl.model.flatness import flat_output, linearising_input
-from cranectl.plants.addressed import addressed_plant, advance_addressed
-from cranectl.plants.analytic import AnalyticCrane, AnalyticPlant
-from cranectl.plants.capabilities import lacking
-from cranectl.plants.elastic.crane import (
+from cranectl.controllers import Tracker, flat_design, only_flat
+from cranectl.design import diagonal
+from cranectl.model import flat_output, linearising_input
+from cranectl.plants import (
     STATES,
+    AnalyticCrane,
+    AnalyticPlant,
     ElasticCrane,
+    ElasticHandle,
+    ElasticPlant,
+    Kernels,
+    addressed_plant,
+    advance_addressed,
     hanging_states,
+    lacking,
     load_positions,
     make_crane,
     make_work,
+    plant_entry,
     set_damping,
+    substeps,
 )
-from cranectl.plants.elastic.plant import ElasticHandle, ElasticPlant
-from cranectl.plants.plant import Kernels
-from cranectl.plants.registry import plant_entry
-from cranectl.plants.steps import substeps
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
+from cranectl.scenario import EFFECTS, NANOSECONDS, NO_EFFECTS, EffectNumbers, Scenario
 from cranectl.signals import ROPE
-from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run, tracker_of
-from cranectl.simulate.actuation import make_actuation
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit_called
+from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
+from cranectl.support import Array, jit_called
 
 EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant's states
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units

@@ -29,15 +29,12 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
-from cranectl.controllers.controller import LinearController
-from cranectl.controllers.registry import controller_of, only_flat
+from cranectl.controllers import LinearController, controller_of, only_flat
 from cranectl.design import ControllerDesign
-from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants import DRIVES, Drive, MujocoPlant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import linearised_controller, tracker_of
-from cranectl.support.consistency import check_ascending
-from cranectl.support.errors import InputError
+from cranectl.support import InputError, check_ascending
 
 MAX_DELAY_SAMPLES = 300  # a point then takes 2 s; no controller here is stable with half of this delay
 UNIT_ROUNDING = 1e-9  # of a distance or margin that lies between zero and one

@@ -13,7 +13,7 @@ from cranectl.analysis.certificate.certify import NominalLoop
 from cranectl.analysis.certificate.linear_plant import run_plant
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop_radius
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.plants.plant import DRIVES, Drive
+from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import Scenario
 
 MAX_EXAMINED_DELAY = 0.3  # [s]

@@ -26,28 +26,25 @@ from cranectl.analysis.certificate.operating_points import (
     step_at,
 )
 from cranectl.analysis.certificate.systems import SampledSystem, jacobian
-from cranectl.controllers.flat import MEMORY, Tracker, linearising_step
-from cranectl.controllers.observer import (
+from cranectl.controllers import (
     EXPECTED,
     JOINTS,
+    MEMORY,
     Observer,
+    Tracker,
     correct,
     initial_estimate,
+    linearising_step,
     make_observer,
     predict,
 )
 from cranectl.design import design_controller
-from cranectl.model.dynamics import angular_accelerations
-from cranectl.model.flatness import flat_output
-from cranectl.plants.mujoco.linearisation import BaseState, change_since, count_coordinates, set_state
-from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario import Scenario
-from cranectl.scenario.effects import EFFECTS, EffectSettings
+from cranectl.model import angular_accelerations, flat_output
+from cranectl.plants import DRIVES, BaseState, Drive, MujocoPlant, change_since, count_coordinates, set_state
+from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
-from cranectl.simulate import make_plant, tracker_of
-from cranectl.simulate.actuation import Actuation, actuate, make_actuation
-from cranectl.support.arrays import Array
+from cranectl.simulate import Actuation, actuate, make_actuation, make_plant, tracker_of
+from cranectl.support import Array
 
 
 def _names(part: str) -> list[str]:

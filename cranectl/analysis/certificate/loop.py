@@ -23,12 +23,10 @@ from scipy.optimize import minimize
 from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
 from cranectl.analysis.certificate.systems import Complex, SampledSystem, close_inputs, with_delay
-from cranectl.controllers.controller import CRANE_STATES, LinearController
-from cranectl.design import Design
-from cranectl.design.discretisation import diagonal, sampled_blocks, zero_order_hold
+from cranectl.controllers import CRANE_STATES, LinearController
+from cranectl.design import Design, diagonal, sampled_blocks, zero_order_hold
 from cranectl.scenario import DesignSettings
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
+from cranectl.support import Array, InputError
 
 MARGINAL = 1e-9  # poles this near to the unit circle count as on it
 CANCELLATION_TOLERANCE = 1e-9  # a smaller share of a gain is the rounding error of two that cancel

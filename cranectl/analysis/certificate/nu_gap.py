@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cranectl.analysis.certificate.systems import GRID_START, Complex, GridSamples, find_peak, starting_grid
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 ON_CIRCLE = 1e-9  # poles this near to the circle are taken as on it
 

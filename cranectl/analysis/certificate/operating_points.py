@@ -21,9 +21,12 @@ from math import asin, cos, sqrt
 import numpy as np
 
 from cranectl.analysis.certificate.systems import jacobian
-from cranectl.model.flatness import slopes_from_angles
-from cranectl.plants.mujoco.linearisation import (
+from cranectl.model import slopes_from_angles
+from cranectl.plants import (
+    DRIVES,
     BaseState,
+    Drive,
+    MujocoPlant,
     displace,
     free_coordinates,
     load_velocity,
@@ -31,13 +34,9 @@ from cranectl.plants.mujoco.linearisation import (
     rope_stretch,
     unbalanced_forces,
 )
-from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA, ROPE
-from cranectl.support.arrays import Array
-from cranectl.support.counts import MAX_OPERATING_POINTS
-from cranectl.support.errors import InputError
+from cranectl.support import MAX_OPERATING_POINTS, Array, InputError
 
 MAX_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
 

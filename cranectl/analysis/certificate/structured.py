@@ -32,7 +32,7 @@ import numpy as np
 
 from cranectl.analysis.certificate.loop import InnerLoop, closed_loop
 from cranectl.analysis.certificate.systems import GRID_START, Complex, SampledSystem, starting_grid
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 RADIUS = 20.0  # of the search in the logarithms of D, about D = I
 BOUND_TOLERANCE = 1e-4  # relative excess of the bound over the smallest norm

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 Complex = NDArray[np.complex128]
 

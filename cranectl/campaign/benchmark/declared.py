@@ -10,10 +10,9 @@ from math import copysign, log
 from typing import Any, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.controllers.registry import checked_controller, controller_digests, load_controller
-from cranectl.scenario.design import DesignSettings
-from cranectl.scenario.similarity import rounded, scale_of
-from cranectl.support.documents import leaves
+from cranectl.controllers import checked_controller, controller_digests, load_controller
+from cranectl.scenario import DesignSettings, rounded, scale_of
+from cranectl.support import leaves
 
 TUNED_DIGITS = 4  # digits of a tuned number, so that the printed number is the one that was run
 

@@ -10,8 +10,7 @@ from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
 from cranectl.campaign.benchmark.trials import Division, Trial
 from cranectl.campaign.summary import EFFORT
-from cranectl.support.arrays import Array
-from cranectl.support.consistency import check_ascending
+from cranectl.support import Array, check_ascending
 
 
 class Standing(NamedTuple):

@@ -23,11 +23,9 @@ from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store,
 from cranectl.campaign.table import FAILED
 from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Engine
-from cranectl.controllers.registry import controller_digests
+from cranectl.controllers import controller_digests
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.support.documents import Table
-from cranectl.support.errors import InputError, MachineError
-from cranectl.support.provenance import provenance_differences
+from cranectl.support import InputError, MachineError, Table, provenance_differences
 
 ANY_CONTROLLER = FLAT_FAMILY[0]  # stands for all where a result does not depend on the controller
 

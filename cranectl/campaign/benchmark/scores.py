@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.consistency import check_ascending
+from cranectl.support import Array, Mask, check_ascending
 
 SCORE_RESAMPLES = 2000  # number of bootstrap samples
 LEVEL = 0.95  # confidence level of the interval of a median

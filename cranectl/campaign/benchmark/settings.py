@@ -7,11 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from cranectl.plants.plant import Drive
-from cranectl.scenario.settings import RuleError, Settings, parse_settings
-from cranectl.support import resources
-from cranectl.support.counts import MAX_DRAWS, MAX_RUNS
-from cranectl.support.documents import read_toml
+from cranectl.plants import Drive
+from cranectl.scenario import RuleError, Settings, parse_settings
+from cranectl.support import MAX_DRAWS, MAX_RUNS, read_toml, resources
 
 # Prefixes of the names of generated sets: for the robustness radius, and with one uncertainty each.
 RADIUS_PREFIX, SINGLE_PREFIX = "spread-", "only-"

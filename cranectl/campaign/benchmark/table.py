@@ -14,10 +14,8 @@ import numpy as np
 
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
-from cranectl.metrics.table import DRIVES
-from cranectl.support.arrays import Array, Mask
-from cranectl.support.errors import InputError, check_known
-from cranectl.support.files import open_input, replacing
+from cranectl.metrics import DRIVES
+from cranectl.support import Array, InputError, Mask, check_known, open_input, replacing
 
 VARIATION = "variation_m_s2"  # sum of the command variations of all drives
 METRICS = (

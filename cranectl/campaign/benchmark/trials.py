@@ -24,15 +24,11 @@ from cranectl.campaign.benchmark.settings import (
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import is_distribution, parse_campaign
-from cranectl.controllers.registry import checked_controller, load_controller
-from cranectl.metrics.limits import limits_of
-from cranectl.plants.steps import with_step
-from cranectl.scenario.load import read_scenario
-from cranectl.scenario.similarity import size_of
-from cranectl.support import resources
-from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError, check_known
-from cranectl.support.provenance import FINGERPRINT_DIGITS, syntax_of
+from cranectl.controllers import checked_controller, load_controller
+from cranectl.metrics import limits_of
+from cranectl.plants import with_step
+from cranectl.scenario import read_scenario, size_of
+from cranectl.support import FINGERPRINT_DIGITS, InputError, check_known, leaves, resources, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports

@@ -9,12 +9,20 @@ from typing import Any
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Point, Tuned
-from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import controller_argument
-from cranectl.support.documents import leaves, read_toml, toml_text
-from cranectl.support.errors import InputError
-from cranectl.support.files import PARQUET, Kind, check_place, replacing, write_text, writing
-from cranectl.support.provenance import fingerprints
+from cranectl.controllers import OPEN, controller_argument
+from cranectl.support import (
+    PARQUET,
+    InputError,
+    Kind,
+    check_place,
+    fingerprints,
+    leaves,
+    read_toml,
+    replacing,
+    toml_text,
+    write_text,
+    writing,
+)
 
 DEFAULT = "literature"  # the default benchmark
 TOML = Kind("result of tuning", rb"law = ")

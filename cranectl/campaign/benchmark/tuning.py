@@ -29,14 +29,12 @@ from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Children, make_worker
-from cranectl.controllers.registry import runs_alone
-from cranectl.metrics.table import DRIVES
-from cranectl.scenario import Scenario
-from cranectl.scenario.similarity import size_of
-from cranectl.simulate.child import BLOCK_TIMEOUT
+from cranectl.controllers import runs_alone
+from cranectl.metrics import DRIVES
+from cranectl.scenario import Scenario, size_of
+from cranectl.simulate import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
-from cranectl.support.consistency import check_ascending
-from cranectl.support.errors import InputError, MachineError
+from cranectl.support import InputError, MachineError, check_ascending
 
 # Costs of a run, see `run_cost`.
 MAX_COMPLETED, STOPPED, REFUSED = 5.0, 10.0, 20.0

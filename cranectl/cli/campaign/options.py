@@ -11,8 +11,7 @@ import click
 from cranectl.cli.command import output_option, plants_option
 from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
 from cranectl.cli.controller_options import controllers_option, opened, trust_option
-from cranectl.support.errors import InputError
-from cranectl.support.files import XML
+from cranectl.support import XML, InputError
 
 if TYPE_CHECKING:
     from cranectl.campaign.failures import AllowedFailures

@@ -11,8 +11,7 @@ from cranectl.cli.campaign.options import Judgement, judgement_options
 from cranectl.cli.controller_options import controllers_option
 from cranectl.cli.counts import count_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
-from cranectl.support.counts import MAX_REPLAYS
-from cranectl.support.files import HTML
+from cranectl.support import HTML, MAX_REPLAYS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -45,7 +44,7 @@ def report_campaign(
     from cranectl.campaign.results import read_results
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
-    from cranectl.support.files import check_place
+    from cranectl.support import check_place
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
@@ -160,7 +159,7 @@ def replay_campaign(
     """
     from cranectl.campaign.replay import check_models, chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
-    from cranectl.plants.model_files import MODEL_ENDING, forget_models, plant_named
+    from cranectl.plants import MODEL_ENDING, forget_models, plant_named
 
     forget_models()
     plants = tuple(plant_named(name) if name.endswith(MODEL_ENDING) else name for name in plants)

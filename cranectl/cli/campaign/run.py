@@ -15,7 +15,7 @@ from cranectl.cli.command import Command, arguments_given, directory_option, jso
 from cranectl.cli.controller_options import timeout_option
 from cranectl.cli.counts import count_option
 from cranectl.cli.output import Screen, progress
-from cranectl.support.counts import MAX_WORKERS
+from cranectl.support import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign

@@ -24,9 +24,8 @@ from pydrake.multibody.tree import Frame as JointFrame
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
-from cranectl.scenario.effects import Body, EffectSettings, Frame
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
+from cranectl.scenario import Body, EffectSettings, Frame, RigParameters
+from cranectl.support import Array
 
 AXES = ("bridge_position", "trolley_position", "rope_length")  # joints; each has an actuator of its name
 JOINTS = (*AXES, "alpha", "beta")  # in the order of signals.STATE

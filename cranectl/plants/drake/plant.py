@@ -16,9 +16,8 @@ from scipy.integrate import RK45
 from cranectl.plants.drake.model import AXES, HOOK, JOINTS, LOAD, build_crane, drive_forces
 from cranectl.plants.plant import Drive, check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
-from cranectl.scenario.effects import EffectSettings
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
+from cranectl.scenario import EffectSettings, RigParameters
+from cranectl.support import Array
 
 SMALL = 1e-6  # step of finite differences [m, rad, m/s, rad/s]
 

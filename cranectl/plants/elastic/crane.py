@@ -18,10 +18,9 @@ from scipy.integrate import RK45
 
 from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
-from cranectl.scenario.effects import EffectSettings, Frame
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import EffectSettings, Frame, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
 JOINTS = 5  # bridge, trolley, winch, alpha, beta; joint i has its position at 2 i and its rate at 2 i + 1

@@ -13,7 +13,7 @@ from math import cos, sin, sqrt
 
 from cranectl.plants.elastic.crane import BODY, JOINTS, MIN_ROPE, RAILS, SPIN, STRETCH, STRETCH_RATE
 from cranectl.plants.surroundings import FORCE
-from cranectl.support.jit import jit
+from cranectl.support import jit
 
 
 @jit

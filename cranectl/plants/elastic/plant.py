@@ -20,11 +20,9 @@ from cranectl.plants.elastic.crane import (
 from cranectl.plants.elastic.motion import rope_directions
 from cranectl.plants.elastic.step import finish_step, stick_or_slip
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
-from cranectl.scenario.effects import EffectSettings
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCITY
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below a stiff rope's stretch
 STILL_AIR = np.zeros(6)

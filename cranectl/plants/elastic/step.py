@@ -9,7 +9,7 @@ from math import sqrt
 
 from cranectl.plants.elastic.crane import BODY, JOINTS, STAGES, A, B
 from cranectl.plants.elastic.motion import derivative, reaction_forces
-from cranectl.support.jit import jit
+from cranectl.support import jit
 
 MAX_STEP_PARTS = 20
 MAX_STICK_ROUNDS = 10  # iterations to decide which of the joints at rest stick

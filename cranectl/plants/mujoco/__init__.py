@@ -5,7 +5,7 @@ nowhere: the kernels count them, and the run ends with the status `engine-warnin
 has set before stays.
 """
 
-from cranectl.support.search_path import safe_path
+from cranectl.support import safe_path
 
 with safe_path():  # it loads GLFW, which starts `python -c`
     import mujoco

@@ -28,8 +28,7 @@ from cranectl.plants.mujoco.engine import (
 from cranectl.plants.mujoco.rope import pay_out
 from cranectl.plants.mujoco.sites import swing_of
 from cranectl.plants.surroundings import FORCE
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 # The classical Runge-Kutta scheme of order 4: where the next stage is, and the weight of each stage.
 REACH = (0.5, 0.5, 1.0)

@@ -16,8 +16,7 @@ import numpy as np
 
 from cranectl.plants.mujoco.rope import DISTANCE, ELASTICITY, MASS
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import Body, DriveLimits, Frame, Friction, Rope
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import Body, DriveLimits, Frame, Friction, RigParameters, Rope
 
 DRIVEN_JOINTS = ("bridge_position", "trolley_position", "rope_length")
 CARDAN_JOINTS = ("alpha", "beta")

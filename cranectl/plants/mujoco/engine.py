@@ -17,7 +17,7 @@ import mujoco
 import numba
 from numba import types
 
-from cranectl.support.errors import CranectlError
+from cranectl.support import CranectlError
 
 ADDRESS, FLAG, NUMBER = types.intp, types.int32, types.float64
 _IN_PYTHON = {ADDRESS: ctypes.c_ssize_t, FLAG: ctypes.c_int, NUMBER: ctypes.c_double}

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cranectl.scenario.drawn_size import (
+from cranectl.scenario import (
     FILED_RADIUS,
     CraneKind,
     Portal,
+    RigParameters,
     crane_kind,
     drawn_as_filed,
     drawn_box,
@@ -21,9 +22,7 @@ from cranectl.scenario.drawn_size import (
     drawn_reach,
     drawn_scale,
 )
-from cranectl.scenario.rig import RigParameters
-from cranectl.support import resources
-from cranectl.support.arrays import Array
+from cranectl.support import Array, resources
 
 # Shapes that are drawn, by MuJoCo's type. Planes are infinite and left out.
 KINDS = {

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.disturbed_step import evaluate
 from cranectl.plants.mujoco.plant import MujocoPlant, set_command
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 
 class BaseState(NamedTuple):

@@ -24,8 +24,7 @@ from cranectl.plants.mujoco.effects import (
 from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
-from cranectl.scenario.effects import NO_EFFECTS, Effect, EffectSettings
-from cranectl.scenario.rig import RigParameters
+from cranectl.scenario import NO_EFFECTS, Effect, EffectSettings, RigParameters
 from cranectl.support import resources
 
 JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)

@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.plants.mujoco.own_model import AXES, OwnModel
 from cranectl.plants.mujoco.sites import rope_acceleration
 from cranectl.signals import ROPE
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 TRIED_STATES = 200  # random ones
 # Half the ranges of random states: positions in lengths of the rope, angles [rad], and rates over those of a

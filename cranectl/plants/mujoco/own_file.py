@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants.mujoco.own_size import check_files, check_finite
-from cranectl.scenario.rig import ModelNames
-from cranectl.support.errors import InputError
+from cranectl.scenario import ModelNames
+from cranectl.support import InputError
 
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.

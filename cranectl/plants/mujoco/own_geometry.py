@@ -7,7 +7,7 @@ import mujoco
 
 from cranectl.plants.mujoco.own_file import SENSOR_NAME
 from cranectl.plants.mujoco.own_model import SiteModel
-from cranectl.scenario.rig import ModelNames
+from cranectl.scenario import ModelNames
 
 PREFIX = "own/"  # of the names of what the user's model has
 PARTS = ("compiler", "default", "asset", "worldbody", "tendon")  # of a model that are drawn

@@ -12,11 +12,9 @@ import numpy as np
 from cranectl.plants.mujoco.own_file import embed_files, sensor_values, servo_kind, spec_of_file
 from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import state_of_sites
-from cranectl.scenario.rig import ModelNames
+from cranectl.scenario import ModelNames
 from cranectl.signals import ALPHA, ROPE
-from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError
-from cranectl.support.provenance import FINGERPRINT_DIGITS
+from cranectl.support import FINGERPRINT_DIGITS, Array, InputError
 
 AXES = ("bridge", "trolley", "rope", "alpha", "beta")
 MAX_NEWTON_STEPS = 50

@@ -16,9 +16,8 @@ from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PlantEntry
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import ModelNames, RigParameters
-from cranectl.support.arrays import Array
+from cranectl.scenario import NO_EFFECTS, EffectSettings, ModelNames, RigParameters
+from cranectl.support import Array
 
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
-from cranectl.support.errors import InputError
+from cranectl.support import InputError
 
 FOLDERS = ("meshdir", "texturedir", "assetdir")  # attributes of a compiler element
 MAX_FILES = 1000  # that a model reads

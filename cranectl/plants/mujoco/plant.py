@@ -25,10 +25,8 @@ from cranectl.plants.mujoco.rope import DISTANCE, ElasticRope, elastic_rope, set
 from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, read_load_of_sites
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import RigParameters
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.scenario import NO_EFFECTS, EffectSettings, RigParameters
+from cranectl.support import Array, jit
 
 
 class MujocoRig(NamedTuple):

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from cranectl.scenario.effects import EffectSettings, Rope
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.scenario import EffectSettings, Rope
+from cranectl.support import Array, jit
 
 DISTANCE = "hook_distance"  # joint: from the pivot to the end of the rope
 ELASTICITY = "rope_elasticity"  # actuator, and the tendon that it pulls

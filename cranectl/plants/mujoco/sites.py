@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.plants.mujoco.engine import SITE, mj_com_pos, mj_com_vel, mj_kinematics, mj_object_velocity
-from cranectl.support.arrays import Array
-from cranectl.support.jit import jit
+from cranectl.support import Array, jit
 
 
 class SiteViews(NamedTuple):

@@ -11,7 +11,7 @@ from cranectl.campaign.benchmark.ranking import Judged, points_of
 from cranectl.report.benchmark.sets import OUR_CONTROLLER, shown_name
 from cranectl.report.page import Figure
 from cranectl.report.theme import LETTER, SERIES, STAND_IN, canvas
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 PANEL = (4.2, 3.8)  # width and height of a picture [in]
 AXES = tuple(0.82 * 72.0 * inches for inches in PANEL)  # about the size of its axes [pt]

@@ -13,7 +13,7 @@ from cranectl.campaign.table import FAILED
 from cranectl.report.benchmark.sets import COMPARED, NAMED, finite, median, named, section_of
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
-from cranectl.support.arrays import Mask
+from cranectl.support import Mask
 
 BEST = 5  # controllers whose single effects are not folded
 

@@ -18,7 +18,7 @@ from cranectl.report.campaign.figures import series_style
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
-from cranectl.support.arrays import Array, Mask
+from cranectl.support import Array, Mask
 
 OUR_CONTROLLER = "lqr-offset-free"
 COMPARED = "rms_error_m"  # with the baseline, crane by crane

@@ -22,7 +22,7 @@ from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, fail
 from cranectl.metrics import low_is_bad
 from cranectl.report.campaign.tables import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, label_log_axis, make_room
-from cranectl.support.arrays import Array, Mask
+from cranectl.support import Array, Mask
 
 Rows = NDArray[np.intp]
 MAX_SCATTER_POINTS = 600  # of a scatter, all series together

@@ -15,7 +15,7 @@ from cranectl.report.campaign import figures, tables
 from cranectl.report.campaign.tables import metric_name, number
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.table import Table, cells, listed
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own
 NAMED_PARAMETERS = 3  # parameters in a sentence

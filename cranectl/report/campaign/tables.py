@@ -20,7 +20,7 @@ from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE,
 from cranectl.campaign.table import FAILED, describe
 from cranectl.metrics import all_metrics
 from cranectl.report.table import Cell, Table, cells, tabulate
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures

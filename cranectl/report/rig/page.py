@@ -19,7 +19,7 @@ from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig import tables
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, make_room, spaced
 from cranectl.scenario import Scenario
-from cranectl.support.colours import LIGHT
+from cranectl.support import LIGHT
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 

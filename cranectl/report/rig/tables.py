@@ -11,7 +11,7 @@ from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
-from cranectl.support.units import at_least, at_most, plain
+from cranectl.support import at_least, at_most, plain
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 _MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable

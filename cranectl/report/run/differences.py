@@ -6,15 +6,12 @@ from math import isnan
 from typing import Any
 
 from cranectl.cases.pairwise import Pairwise, WorstPair
-from cranectl.compare.golden import RegressionVerdict, worst_first
-from cranectl.compare.runs import Comparison
-from cranectl.plants.steps import describe_step
+from cranectl.compare import Comparison, RegressionVerdict, worst_first
+from cranectl.plants import describe_step
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
-from cranectl.scenario.load import changed_from_default
-from cranectl.scenario.similarity import assumed_settings
+from cranectl.scenario import assumed_settings, changed_from_default
 from cranectl.simulate import Run
-from cranectl.support.documents import leaves
-from cranectl.support.units import PROCESSOR_ROUNDING, difference_in, difference_text, plain
+from cranectl.support import PROCESSOR_ROUNDING, difference_in, difference_text, leaves, plain
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 MAX_CHARACTERS = 70  # of a value

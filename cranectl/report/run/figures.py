@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cranectl.plants.registry import plant_entry
+from cranectl.plants import plant_entry
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
 from cranectl.signals import RESIDUAL, flat_groups, measured_groups, recorded_groups
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
+from cranectl.support import Array
 
 Values = Callable[[Run], Array]
 

@@ -9,16 +9,14 @@ from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary, judged_limits
 from cranectl.cases.drive_use import drive_uses
-from cranectl.compare.agreement import Agreement, ended_as_expected
-from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.metrics.limits import LimitVerdict
-from cranectl.plants.registry import in_order, plant_entry, reference_plant, shown_plant
+from cranectl.compare import Agreement, ended_as_expected
+from cranectl.metrics import LimitVerdict, RunMetrics, all_metrics
+from cranectl.plants import in_order, plant_entry, reference_plant, shown_plant
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
 from cranectl.report.table import VERDICTS, Cell, Table, cells
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.units import difference_in, quantity
+from cranectl.support import Array, difference_in, quantity
 
 Summaries = Mapping[str, Sequence[RunSummary]]  # by label of the log
 Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log

@@ -9,11 +9,10 @@ import numpy as np
 from PIL.Image import Image
 
 from cranectl.cases.case import RunSummary
-from cranectl.compare.agreement import Agreement, against_reference, judge
-from cranectl.compare.runs import compare_runs
+from cranectl.compare import Agreement, against_reference, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.planning.review import reviews
-from cranectl.plants.registry import in_order, reference_plant
+from cranectl.plants import in_order, reference_plant
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import plan_figure, plan_tables
 from cranectl.report.run.differences import (
@@ -39,8 +38,7 @@ from cranectl.report.run.tables import limits_table, metrics_table, run_table
 from cranectl.report.table import Table, listed
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
-from cranectl.support.arrays import Array
-from cranectl.support.units import difference_in, quantity
+from cranectl.support import Array, difference_in, quantity
 
 Runs = Mapping[str, Run]  # by label
 Pairs = Sequence[tuple[Run, Run]]  # of a plant, and of the reference plant

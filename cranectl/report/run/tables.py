@@ -5,13 +5,13 @@ from math import degrees, isnan
 from typing import TYPE_CHECKING
 
 from cranectl.cases.case import CaseResult, RunSummary, judged_limits
-from cranectl.compare.agreement import Agreement
+from cranectl.compare import Agreement
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.support.units import PROCESSOR_ROUNDING, difference_text, exact_seconds, scaled
+from cranectl.support import PROCESSOR_ROUNDING, difference_text, exact_seconds, scaled
 
 if TYPE_CHECKING:
-    from cranectl.log.reader import LogDescription
+    from cranectl.log import LogDescription
 
 MISSING = "-"
 MAX_NAMED_SCENARIOS = 3  # scenarios that a note names

@@ -1,0 +1,14 @@
+from .dynamics import AxisMasses as AxisMasses
+from .dynamics import angular_accelerations as angular_accelerations
+from .dynamics import axis_masses as axis_masses
+from .dynamics import drive_forces as drive_forces
+from .dynamics import forced_accelerations as forced_accelerations
+from .dynamics import rope_direction as rope_direction
+from .dynamics import rope_direction_rate as rope_direction_rate
+from .dynamics import specific_rope_force as specific_rope_force
+from .dynamics import winch_force as winch_force
+from .flatness import flat_output as flat_output
+from .flatness import linearising_input as linearising_input
+from .flatness import slopes_from_angles as slopes_from_angles
+from .flatness import state_and_input as state_and_input
+from .flatness import states_and_inputs as states_and_inputs
