@@ -173,9 +173,8 @@ def test_a_simulation_of_the_analytic_plant_does_not_import_mujoco() -> None:
 def test_public_names_exist_and_are_typed() -> None:
     for name in cranectl.__all__:
         assert getattr(cranectl, name) is not None
-    assert set(cranectl.__all__) == set(cranectl._HOME)
     assert (ROOT / "cranectl" / "py.typed").exists()
-    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+    with pytest.raises(AttributeError, match="nonsense"):
         _ = cranectl.nonsense
 
 

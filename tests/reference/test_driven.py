@@ -16,7 +16,7 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.driven import (
     DrivenPath,
     HandLimits,
-    derivatives,
+    driven_derivatives,
     drive,
     rest_state,
     stopping_points,
@@ -37,7 +37,7 @@ def hold_commands(*commands: tuple[float, ...], samples: int) -> np.ndarray:
 
 def respond(commands: np.ndarray) -> np.ndarray:
     """Return the motion of an unlimited load from rest at the origin, (N, 5, 3)."""
-    return derivatives(UNLIMITED, drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), commands))
+    return driven_derivatives(UNLIMITED, drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), commands))
 
 
 def bang_bang(kernel: np.ndarray) -> np.ndarray:
@@ -111,7 +111,7 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
     samples = 1000
     impulse = np.zeros((samples, 4))
     impulse[0, 1:] = 1.0
-    kernels = derivatives(free, drive(free, period, rest_state(np.zeros(3)), impulse))[1:, :, 0]
+    kernels = driven_derivatives(free, drive(free, period, rest_state(np.zeros(3)), impulse))[1:, :, 0]
     peaks = np.zeros((3, 2))
     for lead, order, hoist, sign in itertools.product(
         (0.0, bound.overshoot), (1, 2), (-1.0, 0.0, 1.0), (1, -1)
@@ -124,7 +124,7 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
         requests[:, 3] = hoist * limits.speed[2]
         travel = hoist * limits.speed[2] * ((samples - 1) * period - 4.0 / limits.bandwidth)
         start = np.array([0.0, 0.0, -drop - travel])  # at the end the rope is as long as it may be
-        rows = derivatives(free, drive(free, period, rest_state(start), requests))
+        rows = driven_derivatives(free, drive(free, period, rest_state(start), requests))
         rows = rows[-drop - 1e-9 <= rows[:, 0, 2]]
         rows = rows[rows[:, 0, 2] < 0.0]
         states, inputs = states_and_inputs(rows.reshape(-1, 15), gravity)
@@ -180,7 +180,7 @@ def test_the_bridge_overshoots_the_end_of_the_rig_only_with_a_faster_filter(
     for samples in (100, 200, 400, 800):
         state = rest_state(np.array([limits.high[0], 0.7, limits.low[2]]))
         commands = [(-limits.speed[0], 0.0, 0.0), *[(limits.speed[0], 0.0, 0.0)] * 4]
-        rows = derivatives(
+        rows = driven_derivatives(
             filtered, drive(filtered, PERIOD, state, hold_commands(*commands, samples=samples))
         )
         states, _ = states_and_inputs(rows.reshape(-1, 15), scenario.rig.gravity)

@@ -1,5 +1,6 @@
 """Plans are reused between processes, unchanged, and never for other settings."""
 
+import importlib
 import pickle
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.load import files_in, put_files, with_files
 from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import simulate_run
-from cranectl.support import kept
+
+# Faces of rooms have functions of these names.
+kept = importlib.import_module("cranectl.support.kept")
 
 MOVES = [
     '{kind="move",to=[0.8,0.6,-0.7],plane=true}',
