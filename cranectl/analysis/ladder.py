@@ -31,7 +31,7 @@ from cranectl.simulate import (
     plan_scenario,
     simulate_run,
 )
-from cranectl.support import Array, check_ascending, check_known
+from cranectl.support import Array, InputError, check_ascending
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
@@ -99,7 +99,7 @@ def evaluate_levels(
     An effect takes the settings of the scenario if it has them, else the defaults. Raises InputError for an
     unknown level. Before any run, it also raises InputError for settings that a level does not allow.
     """
-    check_known("fidelity level", [top], NAMES)
+    InputError.check_known("fidelity level", [top], NAMES)
     design = controller_design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
     check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)

@@ -18,7 +18,7 @@ from cranectl.metrics import run_metrics
 from cranectl.plants import plant_argument, plant_entry
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InputError, check_known
+from cranectl.support import InputError
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,11 @@ def chosen_rows(
     that the result lacks, and if there is no run at all.
     """
     settings = results.campaign.settings
-    check_known("metric", [metric], METRIC_COLUMNS)
+    InputError.check_known("metric", [metric], METRIC_COLUMNS)
     chosen = np.ones(len(results), dtype=np.bool_)
     requested = (("plant", plants, settings.plants), ("controller", controllers, settings.controllers))
     for kind, names, known in requested:
-        check_known(kind, names, known)
+        InputError.check_known(kind, names, known)
         if names:
             chosen &= np.isin(results.column(kind).astype(str), names)
     if not chosen.any():

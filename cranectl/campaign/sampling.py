@@ -15,7 +15,7 @@ import numpy as np
 
 from cranectl.campaign.definition import Campaign, UncertainParameter
 from cranectl.campaign.settings import Correlation
-from cranectl.support import Array, InputError, unknown_name
+from cranectl.support import Array, InputError
 
 NUMBERS_PER_COUNT = 4  # numbers that Philox-4x64 gives for each value of its counter
 
@@ -218,7 +218,7 @@ def _check_pair(correlation: Correlation, repeated: bool, parameters: Sequence[U
     by_name = {parameter.name: parameter for parameter in parameters}
     for name in (a, b):
         if name not in by_name:
-            raise unknown_name("uncertain parameter", name, by_name)
+            raise InputError.unknown("uncertain parameter", name, by_name)
         if by_name[name].distribution.discrete:
             raise InputError(
                 f"'{name}' is correlated, but has single values",

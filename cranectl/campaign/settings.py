@@ -10,7 +10,7 @@ from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Dist
 from cranectl.metrics import Limits
 from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
 from cranectl.scenario import Assigned, RuleError, Settings, override, parse_settings, rig_place
-from cranectl.support import MAX_RUNS, InputError, leaves, read_toml, resources, unknown_name
+from cranectl.support import MAX_RUNS, InputError, leaves, read_toml, resources
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution
@@ -154,5 +154,5 @@ def _distribution(name: str, table: Any, source: str) -> Distribution:
         )
     kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
-        raise unknown_name("distribution", str(kind), DISTRIBUTIONS)
+        raise InputError.unknown("distribution", str(kind), DISTRIBUTIONS)
     return parse_settings(DISTRIBUTIONS[kind], table, f"{source}: uncertain.{name}")

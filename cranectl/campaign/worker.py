@@ -27,7 +27,7 @@ from cranectl.simulate import (
     start_run,
     stream_run,
 )
-from cranectl.support import Array, InputError, MachineError, is_of_machine, with_retries
+from cranectl.support import Array, InputError, MachineError
 
 Stop = Callable[[], bool]
 
@@ -127,7 +127,9 @@ class Worker:
         Raises StoppedError soon after `stop` returns True, and MachineError if the machine fails again.
         """
         samples = range(batch.first, batch.last)
-        return [with_retries(functools.partial(self._run_sample, batch, sample, stop)) for sample in samples]
+        return [
+            MachineError.retry(functools.partial(self._run_sample, batch, sample, stop)) for sample in samples
+        ]
 
     def close(self) -> None:
         """Do nothing: this worker has no process to end."""
@@ -142,7 +144,7 @@ class Worker:
             raise
         except Exception as error:
             self._plants.clear()  # the plant of this run is in an unknown state
-            if is_of_machine(error):
+            if MachineError.is_cause_of(error):
                 text = f"{_reason(error)}, in sample {sample} with {batch.controller} on {batch.plant}"
                 raise MachineError.of(text) from error
             end = RunEnd(FAILED, _reason(error))

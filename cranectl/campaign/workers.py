@@ -32,11 +32,9 @@ from cranectl.support import (
     InputError,
     MachineError,
     Table,
-    is_of_machine,
     report_to_parent,
     requests,
     spawn_child,
-    with_retries,
 )
 
 # Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
@@ -174,7 +172,7 @@ class ChildWorker:
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; raise StoppedError soon after `stop` returns True."""
         single = (batch._replace(first=k, last=k + 1) for k in range(batch.first, batch.last))
-        return [with_retries(partial(self._try, one_run, stop)) for one_run in single]
+        return [MachineError.retry(partial(self._try, one_run, stop)) for one_run in single]
 
     def close(self) -> None:
         """Give the child process back; call it between batches, when the process is idle."""
@@ -242,7 +240,7 @@ def _make_worker(manifest: Table, shared: SharedControllers) -> Worker | InputEr
         open_again(shared)
         return Worker(PreparedCampaign(campaign_of(manifest, "the manifest of the campaign")))
     except Exception as error:
-        if isinstance(error, InputError) and not is_of_machine(error):
+        if isinstance(error, InputError) and not MachineError.is_cause_of(error):
             return error
         # The parent has prepared the same campaign.
         return MachineError.of(f"a worker cannot begin: {' '.join(str(error).split())}")

@@ -23,7 +23,7 @@ from cranectl.plants import Drive, check_effects, examine, plant_entry, plants_f
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InputError, describe_error, with_retries
+from cranectl.support import InputError, MachineError, describe_error
 
 LOG_DIRECTORY = Path("logs")
 
@@ -316,6 +316,6 @@ def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
 def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
     """Run a case as `run_case` does, but return errors as failures, so that other cases can go on."""
     try:
-        return with_retries(lambda: run_case(case, progress=progress))
+        return MachineError.retry(lambda: run_case(case, progress=progress))
     except Exception as error:
         return Failure.of(error)

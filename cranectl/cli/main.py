@@ -26,7 +26,6 @@ from cranectl.support import (
     heed_interrupts,
     interrupt,
     is_caused_by_interrupt,
-    is_of_machine,
     printable,
 )
 
@@ -147,7 +146,7 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         if (named := _wrong_name(error, arguments)) is not None:
             print(f"cranectl: bad input\n{named}", file=sys.stderr)
             return exit_codes.BAD_INPUT
-        if is_of_machine(error):
+        if MachineError.is_cause_of(error):
             print(f"cranectl: bad input\n{MachineError.of(describe_error(error))}", file=sys.stderr)
             return exit_codes.BAD_INPUT
         if full_traceback:

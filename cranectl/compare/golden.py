@@ -17,7 +17,7 @@ from cranectl.compare.runs import (
 )
 from cranectl.scenario import NANOSECONDS, Settings, nanoseconds, parse_settings
 from cranectl.simulate import Run
-from cranectl.support import InputError, matching, read_toml, resources, unmatched
+from cranectl.support import InputError, matching, read_toml, resources
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -157,7 +157,7 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
     for limit in limits:
         matched = matching(limit.signals, names)
         if not matched:
-            raise unmatched(limit.signals, names)
+            raise InputError.unmatched(limit.signals, names)
         if all(name in chosen for name in matched):
             earlier = ", ".join(dict.fromkeys(f"'{chosen[name].signals}'" for name in matched))
             raise InputError(

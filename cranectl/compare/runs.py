@@ -11,7 +11,7 @@ from cranectl.plants import PLANTS, in_order
 from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, check_known, checks_arguments, differences, leaves
+from cranectl.support import Array, InputError, checks_arguments, differences, leaves
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
@@ -99,7 +99,7 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
             remedy="log both with the same period",
         )
     for run in (a, b):
-        check_known("signal", signals or (), named_signals(run))
+        InputError.check_known("signal", signals or (), named_signals(run))
     time = a.time[in_a]
     with np.errstate(invalid="ignore", over="ignore"):  # runs may not be finite; NaN exceeds every limit
         load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)

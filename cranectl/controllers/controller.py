@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from cranectl.design import ControllerDesign, Design, Origin, Value
 from cranectl.scenario import MAX_DURATION, MIN_DURATION, DesignSettings, RigParameters, rounded
 from cranectl.signals import Signal
-from cranectl.support import Array, InputError, check_fields, check_known, check_name, check_whole, shown
+from cranectl.support import Array, InputError, check_fields, check_name, check_whole, shown
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
 Follows = Literal["path", "set-point"]  # set-point: the end of the present segment, at rest
@@ -314,7 +314,7 @@ class Controller:
         """
         known = {parameter.name: parameter for parameter in self.parameters}
         where = f"controller.{self.name}"
-        check_known(f"parameter of {where}", stated, known)
+        InputError.check_known(f"parameter of {where}", stated, known)
         values = {
             name: parameter.checked(stated.get(name, parameter.sized(parameter.default, length)), where)
             for name, parameter in known.items()

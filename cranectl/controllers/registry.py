@@ -13,13 +13,11 @@ from cranectl.support import (
     FINGERPRINT_DIGITS,
     InputError,
     check_free,
-    check_known,
     checked,
     extensions,
     loaded,
     packages,
     source_digests,
-    unknown_name,
     with_extensions,
 )
 
@@ -113,7 +111,7 @@ def checked_controller(name: str) -> str:
             allowed=f"a file named on the command line, or {', '.join(controller_names())}",
             remedy="if you know what is in it, add --trust, or name it: --controller PATH",
         )
-    raise unknown_name(
+    raise InputError.unknown(
         "controller",
         name,
         controller_names(),
@@ -188,7 +186,7 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
     """Return `name` with the settings of `scenario`; raise InputError for unknown names and bad settings."""
     checked_controller(name)
     names = [other for other in controller_names() if other not in FLAT_FAMILY]
-    check_known("controller", scenario.controller.parameters, names)
+    InputError.check_known("controller", scenario.controller.parameters, names)
     controller = load_controller(name)
     if controller.axis_design is not None:
         return controller.axis_design(scenario.design)

@@ -12,7 +12,7 @@ import numpy as np
 
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
-from cranectl.support import InputError, check_known, checks_arguments, kept
+from cranectl.support import InputError, checks_arguments, kept
 
 FEEDBACKS = {
     "pole-placement": "flatness-based tracker, poles placed",
@@ -59,7 +59,7 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
     >>> design_controller("lqr").gain.shape
     (4,)
     """
-    check_known("controller", [name], CONTROLLERS)
+    InputError.check_known("controller", [name], CONTROLLERS)
     settings = settings or DesignSettings()
     text = kept(
         "designs",

@@ -22,7 +22,7 @@ from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import HandLimits
 from cranectl.scenario import Scenario, length_scale, rounded
 from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
-from cranectl.support import InputError, check_known, printable
+from cranectl.support import InputError, printable
 
 Value = bool | float | str
 T = TypeVar("T")
@@ -178,7 +178,7 @@ class Controls:
             self._say(refusal_line(name, error), warning=True)
 
     def _set(self, name: str, value: object) -> None:
-        check_known("parameter", [name], self._values)
+        InputError.check_known("parameter", [name], self._values)
         if name == "pause":
             if not isinstance(value, bool):
                 remedy = f"choose another {name}"
@@ -203,7 +203,7 @@ class Controls:
             design = controller_design(controller, self._scenario)
         before = tunable_values(design)
         values = {name: value for name, value in changes.items() if name != "controller"}
-        check_known("parameter", values, before)
+        InputError.check_known("parameter", values, before)
         design = _with_values(design, {**before, **values})
         if design.to_json() == self._design.to_json():
             return

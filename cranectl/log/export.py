@@ -29,8 +29,6 @@ from cranectl.support import (
     extensions,
     matching,
     replacing,
-    unknown_name,
-    unmatched,
     with_extensions,
     writing,
 )
@@ -104,7 +102,7 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
     for pattern in patterns or ("*",):
         matched = matching(pattern, columns)
         if not matched:
-            raise unmatched(pattern, columns)
+            raise InputError.unmatched(pattern, columns)
         chosen.update(matched)
     return ExportTable(
         time=time_ns / NANOSECONDS,
@@ -126,7 +124,7 @@ def choose_exporter(name: str | None, out: Path | None) -> Exporter:
     if ending in known:
         return known[ending]
     if name:
-        raise unknown_name("format", name, known)
+        raise InputError.unknown("format", name, known)
     raise InputError(
         f"the ending of {out} names no format",
         allowed=", ".join(f".{name}" for name in known),

@@ -18,7 +18,6 @@ from cranectl.support import (
     InputError,
     check_fields,
     check_free,
-    check_known,
     check_name,
     checks_arguments,
     extensions,
@@ -108,7 +107,7 @@ class PlantEntry:
                 remedy="take one of these",
             )
         for declared, known, what in ((self.lacks, LACKS, "lacks"), (self.fixed, BUILT_IN, "fixed")):
-            check_known(f"setting in {what} of the plant {self.name}:", declared, known)
+            InputError.check_known(f"setting in {what} of the plant {self.name}:", declared, known)
 
     @property
     def is_own(self) -> bool:
@@ -305,7 +304,7 @@ def plant_sources(names: Iterable[str]) -> dict[str, str]:
 
 def plant_entry(name: str) -> PlantEntry:
     """Return the entry of the plant `name`; an InputError lists the known ones, nearest first."""
-    check_known("plant", [name], PLANTS)
+    InputError.check_known("plant", [name], PLANTS)
     return PLANTS[name]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
 from cranectl.scenario import FromFile, Source, Units
-from cranectl.support import TICK_SECONDS, Array, InputError, open_input, unknown_name
+from cranectl.support import TICK_SECONDS, Array, InputError, open_input
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
@@ -191,7 +191,7 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
                 remedy="write the positions of the load as CSV or Parquet",
             )
         if topic not in fields:
-            error = unknown_name("topic", settings.topic, [name[1:] for name in sorted(fields)])
+            error = InputError.unknown("topic", settings.topic, [name[1:] for name in sorted(fields)])
             raise InputError(
                 f"{where}: {error.found} of a load or trolley", allowed=error.allowed, remedy=error.remedy
             )

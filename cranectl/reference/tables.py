@@ -17,7 +17,6 @@ from cranectl.support import (
     read_parquet,
     read_text,
     reported,
-    unknown_name,
 )
 
 MAX_FILE_ROWS = 2_000_000
@@ -107,7 +106,7 @@ def _check_names(names: Sequence[str], column_names: Mapping[str, str], where: s
         if name not in counts:
             constant = ", with a number if all rows have the same" if kind in "xyz" else ""
             remedy = f"map it: columns = {{{kind} = '…'}}{constant}"
-            error = unknown_name("column", name, names, remedy=remedy)
+            error = InputError.unknown("column", name, names, remedy=remedy)
             raise InputError(
                 f"{where}: {error.found}, for {kind}", allowed=error.allowed, remedy=error.remedy
             )

@@ -19,7 +19,7 @@ from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
-from cranectl.support import LIGHT, SLACK_ROPE, Array, InputError, check_known, replacing, rgb, writing
+from cranectl.support import LIGHT, SLACK_ROPE, Array, InputError, replacing, rgb, writing
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
@@ -76,7 +76,7 @@ def render_settings(
 ) -> RenderSettings:
     """Return settings for a .png, .gif or .mp4, with defaults; raise InputError for impossible ones."""
     suffix = out.suffix.lower()
-    check_known("camera", [camera], CAMERAS)
+    InputError.check_known("camera", [camera], CAMERAS)
     if suffix == ".png" and (fps is not None or speed is not None):
         raise InputError(
             f"{out} is a still, which has no --fps or --speed",

@@ -29,7 +29,7 @@ from cranectl.report.viewer_panels import (
 )
 from cranectl.scenario import LABORATORY, RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
-from cranectl.support import VIEWER, VIEWER_SERIES, InputError, check_known
+from cranectl.support import VIEWER, VIEWER_SERIES, InputError
 
 Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {
@@ -60,7 +60,7 @@ def layout_json(
     `logged`: what a controller outside the flat family logs under its own names. `recorded`: the signals of a
     log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name.
     """
-    check_known("layout", [name], LAYOUTS)
+    InputError.check_known("layout", [name], LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
     shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
     drawn = _controller(shown, logged) if name == "controller" else LAYOUTS[name](shown)

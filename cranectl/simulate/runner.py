@@ -33,7 +33,7 @@ from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
-from cranectl.support import Array, checks_arguments, renamed_arguments, unknown_name
+from cranectl.support import Array, InputError, checks_arguments, renamed_arguments
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
@@ -242,7 +242,7 @@ def checked_drive(name: str) -> Drive:
     for drive in DRIVES:
         if drive == name:
             return drive
-    raise unknown_name("drive", name, DRIVES)
+    raise InputError.unknown("drive", name, DRIVES)
 
 
 def inputs_of(

@@ -67,6 +67,40 @@ class InputError(CranectlError):
             remedy=remedy,
         )
 
+    @classmethod
+    def unknown(cls, kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> Self:
+        """Return the error for an unknown name, with the known names in their order.
+
+        `remedy` is used if no known name resembles `name`; by default it asks to choose a known name.
+        """
+        names = list(known)
+        return cls(
+            f"unknown {kind} '{name}'",
+            allowed=", ".join(names),
+            remedy=did_you_mean(name, names) or remedy or "choose one of those listed above",
+        )
+
+    @classmethod
+    def check_known(cls, kind: str, names: Iterable[str], known: Collection[str]) -> None:
+        """Raise the error of `unknown` for the first of `names` that is not known."""
+        for name in names:
+            if name not in known:
+                raise cls.unknown(kind, name, known)
+
+    @classmethod
+    def unmatched(cls, pattern: str, names: Iterable[str]) -> Self:
+        """Return the error for a pattern that matches no signal, with the nearest names and groups."""
+        known = list(names)
+        groups = {name.rpartition(".")[0] + ".*" for name in known}
+        candidates = groups if pattern.endswith("*") else {*known, *groups}
+        near = nearest_first(pattern, candidates)[:SHOWN_NEAR_NAMES]
+        return cls(
+            f"no signal matches '{pattern}'",
+            allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
+            remedy=did_you_mean(pattern, near)
+            or "choose among the signals that docs/reference/logs.md lists",
+        )
+
     def __reduce__(self) -> tuple[object, ...]:
         # Errors travel from worker processes to their parent.
         return functools.partial(type(self), self.found, allowed=self.allowed, remedy=self.remedy), ()
@@ -98,6 +132,41 @@ class MachineError(InputError):
             remedy="free memory or disk space, or use fewer workers, and give the command again",
         )
 
+    @staticmethod
+    def is_cause_of(error: BaseException) -> bool:
+        """Return True if `error` or its cause is a failure of the machine, such as a lack of memory."""
+        seen: set[int] = set()
+        cause: BaseException | None = error
+        while cause is not None and id(cause) not in seen:
+            seen.add(id(cause))
+            if isinstance(cause, (MachineError, MemoryError)):
+                return True
+            if isinstance(cause, ImportError) and _UNMAPPED.search(str(cause)):  # a library, such as NumPy's
+                return True
+            if isinstance(cause, OSError) and cause.errno in _ERRNOS:
+                return True
+            cause = cause.__cause__ or cause.__context__
+        return False
+
+    @classmethod
+    def retry(cls, attempt: Callable[[], T]) -> T:
+        """Return the result of `attempt`, which is repeated after a failure of the machine.
+
+        Raises MachineError if the last try fails in this way too.
+        """
+        for left in reversed(range(TRIES)):
+            try:
+                return attempt()
+            except InputError as error:  # says more than its cause
+                if not left or not isinstance(error, MachineError):
+                    raise
+            except Exception as error:
+                if not cls.is_cause_of(error):
+                    raise
+                if not left:
+                    raise cls.of(describe_error(error).rstrip(": ")) from error
+        raise AssertionError("unreachable")
+
 
 def printable(text: str, *, longest: int = 500) -> str:
     """Return `text` on one line, with control characters escaped and a long middle left out."""
@@ -128,41 +197,9 @@ def describe_error(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}"
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str], *, remedy: str = "") -> InputError:
-    """Return the error for an unknown name, with the known names in their order.
-
-    `remedy` is used if no known name resembles `name`; by default it asks to choose a known name.
-    """
-    names = list(known)
-    return InputError(
-        f"unknown {kind} '{name}'",
-        allowed=", ".join(names),
-        remedy=did_you_mean(name, names) or remedy or "choose one of those listed above",
-    )
-
-
-def check_known(kind: str, names: Iterable[str], known: Collection[str]) -> None:
-    """Raise the error of `unknown_name` for the first of `names` that is not known."""
-    for name in names:
-        if name not in known:
-            raise unknown_name(kind, name, known)
-
-
 def matching(pattern: str, names: Iterable[str]) -> list[str]:
     """Return the names that match a shell pattern such as `mujoco.state.*`; `*` also matches dots."""
     return [name for name in names if fnmatchcase(name, pattern)]
-
-
-def unmatched(pattern: str, names: Iterable[str]) -> InputError:
-    """Return the error for a pattern that matches none of `names`, with the nearest names and groups."""
-    known = list(names)
-    groups = {name.rpartition(".")[0] + ".*" for name in known}
-    near = nearest_first(pattern, groups if pattern.endswith("*") else {*known, *groups})[:SHOWN_NEAR_NAMES]
-    return InputError(
-        f"no signal matches '{pattern}'",
-        allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
-        remedy=did_you_mean(pattern, near) or "choose among the signals that docs/reference/logs.md lists",
-    )
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -180,22 +217,6 @@ def _similarity(a: str, b: str) -> float:
     return difflib.SequenceMatcher(
         None, a[:COMPARED_CHARACTERS].lower(), b[:COMPARED_CHARACTERS].lower()
     ).ratio()
-
-
-def is_of_machine(error: BaseException) -> bool:
-    """Return True if `error` or its cause is a failure of the machine, such as a lack of memory."""
-    seen: set[int] = set()
-    cause: BaseException | None = error
-    while cause is not None and id(cause) not in seen:
-        seen.add(id(cause))
-        if isinstance(cause, (MachineError, MemoryError)):
-            return True
-        if isinstance(cause, ImportError) and _UNMAPPED.search(str(cause)):  # a library, such as NumPy's
-            return True
-        if isinstance(cause, OSError) and cause.errno in _ERRNOS:
-            return True
-        cause = cause.__cause__ or cause.__context__
-    return False
 
 
 def report_to_parent(send: Callable[[Any], object]) -> None:
@@ -221,7 +242,7 @@ def report_machine_failure(error: BaseException) -> None:
 
     This has no effect outside of a process that only runs controllers.
     """
-    if is_of_machine(error):
+    if MachineError.is_cause_of(error):
         for send in _send_to_parent:
             send(MachineError.of(f"a step: {describe_error(error)}"))
             os._exit(1)
@@ -230,22 +251,3 @@ def report_machine_failure(error: BaseException) -> None:
 def was_killed(exit_code: int) -> bool:
     """Return True if this exit code, -N after signal N, means that the process was killed from outside."""
     return exit_code in _KILLED
-
-
-def with_retries(attempt: Callable[[], T]) -> T:
-    """Return the result of `attempt`, which is repeated after a failure of the machine.
-
-    Raises MachineError if the last try fails in this way too.
-    """
-    for left in reversed(range(TRIES)):
-        try:
-            return attempt()
-        except InputError as error:  # says more than its cause
-            if not left or not isinstance(error, MachineError):
-                raise
-        except Exception as error:
-            if not is_of_machine(error):
-                raise
-            if not left:
-                raise MachineError.of(describe_error(error).rstrip(": ")) from error
-    raise AssertionError("unreachable")

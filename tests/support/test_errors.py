@@ -6,15 +6,7 @@ import signal
 
 import pytest
 
-from cranectl.support.errors import (
-    InputError,
-    MachineError,
-    is_of_machine,
-    nearest_first,
-    unknown_name,
-    was_killed,
-    with_retries,
-)
+from cranectl.support.errors import InputError, MachineError, nearest_first, was_killed
 
 
 def test_message_has_found_allowed_remedy() -> None:
@@ -25,8 +17,8 @@ def test_message_has_found_allowed_remedy() -> None:
 def test_the_nearest_name_comes_first_and_is_suggested_only_if_near() -> None:
     assert nearest_first("lqr", ["zzz", "pole-placement", "lqr", "aaa"])[0] == "lqr"
     assert nearest_first("q", ["bb", "aa"]) == ["aa", "bb"]
-    assert "did you mean 'lqr'" in unknown_name("controller", "lq", ["lqr", "pole-placement"]).remedy
-    assert "did you mean" not in unknown_name("controller", "xyz", ["lqr", "pole-placement"]).remedy
+    assert "did you mean 'lqr'" in InputError.unknown("controller", "lq", ["lqr", "pole-placement"]).remedy
+    assert "did you mean" not in InputError.unknown("controller", "xyz", ["lqr", "pole-placement"]).remedy
 
 
 def caused(error: Exception, cause: BaseException) -> Exception:
@@ -42,9 +34,11 @@ def test_a_lack_of_memory_disk_or_handles_is_of_the_machine() -> None:
         caused(ImportError("Importing the numpy C-extensions failed."), unmapped),
         caused(RuntimeError("LLVM cannot compile"), MemoryError()),
     ):
-        assert is_of_machine(error)
+        assert MachineError.is_cause_of(error)
     others = (OSError(errno.ENOENT, os.strerror(errno.ENOENT)), ImportError("No module named 'numpy'"))
-    assert not any(map(is_of_machine, (*others, ValueError("a"), ZeroDivisionError(), RuntimeError())))
+    assert not any(
+        map(MachineError.is_cause_of, (*others, ValueError("a"), ZeroDivisionError(), RuntimeError()))
+    )
     assert was_killed(-signal.SIGKILL)
     assert was_killed(-signal.SIGTERM)
     assert not any(map(was_killed, (0, 1, 75, -signal.SIGSEGV, -signal.SIGABRT)))
@@ -71,10 +65,10 @@ def test_only_what_the_machine_fails_at_is_tried_again(
         return "done"
 
     if raised is None:
-        assert with_retries(attempt) == "done"
+        assert MachineError.retry(attempt) == "done"
     else:
         with pytest.raises(raised, match=r"MemoryError|own") as caught:
-            with_retries(attempt)
+            MachineError.retry(attempt)
         assert type(caught.value) is raised
         assert getattr(caught.value, "remedy", "").startswith("free memory") == (raised is MachineError)
     assert len(tried) == tries

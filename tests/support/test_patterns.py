@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl.support.errors import matching, unmatched
+from cranectl.support.errors import InputError, matching
 
 NAMES = ["mujoco.state.alpha", "mujoco.state.beta", "mujoco.load.load_x", "reference.load_x"]
 
@@ -24,9 +24,9 @@ def test_matching(pattern: str, expected: list[str]) -> None:
 
 
 def test_a_pattern_that_matches_nothing_is_corrected_by_the_nearest() -> None:
-    error = unmatched("mujoco.state.alhpa", NAMES)
+    error = InputError.unmatched("mujoco.state.alhpa", NAMES)
     assert error.found == "no signal matches 'mujoco.state.alhpa'"
     assert "nearest being mujoco.state.alpha" in error.allowed
     assert error.remedy == "did you mean 'mujoco.state.alpha'?"
-    assert unmatched("mujoco.sate.*", NAMES).remedy == "did you mean 'mujoco.state.*'?"
-    assert "did you mean" not in unmatched("zzzz", NAMES).remedy
+    assert InputError.unmatched("mujoco.sate.*", NAMES).remedy == "did you mean 'mujoco.state.*'?"
+    assert "did you mean" not in InputError.unmatched("zzzz", NAMES).remedy

@@ -48,7 +48,7 @@ from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.controller_options import opened
 from cranectl.controllers.registry import controller_digests
 from cranectl.support.documents import read_toml, toml_text
-from cranectl.support.errors import check_known
+from cranectl.support.errors import InputError
 from cranectl.support.files import write_text
 
 BENCHMARK = read_benchmark(DEFAULT)
@@ -157,7 +157,7 @@ def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> in
     """
     own = measured_controllers(BENCHMARK)
     controllers = [*own, *map(opened, files)]
-    check_known("controller of the table", judged, controllers)
+    InputError.check_known("controller of the table", judged, controllers)
     table, rules = read_table(TABLE), rules_of(BENCHMARK)
     folders = {
         controller: next(folder for folder in NUMBERS if (folder / f"{controller}.toml").is_file())

@@ -19,7 +19,7 @@ from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers import flat_design, only_flat
 from cranectl.scenario import NO_EFFECTS, Scenario
 from cranectl.simulate import check_several, simulate_run
-from cranectl.support import check_known
+from cranectl.support import InputError
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
@@ -150,7 +150,7 @@ def error_budget(
     Raises InputError for an unknown level or controller. Before any run, it also raises InputError for
     settings that a level does not allow.
     """
-    check_known("fidelity level", [top], LEVELS)
+    InputError.check_known("fidelity level", [top], LEVELS)
     levels = LEVELS[: LEVELS.index(top) + 1]
     scenarios = level_scenarios(scenario, levels)
     check_steps(scenario, scenarios[LEVELS.index("servos") :])

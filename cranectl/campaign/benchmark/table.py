@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics import DRIVES
-from cranectl.support import Array, InputError, Mask, check_known, open_input, replacing
+from cranectl.support import Array, InputError, Mask, open_input, replacing
 
 VARIATION = "variation_m_s2"  # sum of the command variations of all drives
 METRICS = (
@@ -179,7 +179,7 @@ def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
 
 def select_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
     """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
-    check_known("controller of the table", controllers, table.about["laws"])
+    InputError.check_known("controller of the table", controllers, table.about["laws"])
     about = {
         part: {name: facts for name, facts in table.about[part].items() if name in controllers}
         for part in ("laws", "tuned")

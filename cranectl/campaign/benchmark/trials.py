@@ -28,7 +28,7 @@ from cranectl.controllers import checked_controller, load_controller
 from cranectl.metrics import limits_of
 from cranectl.plants import with_step
 from cranectl.scenario import read_scenario, size_of
-from cranectl.support import FINGERPRINT_DIGITS, InputError, check_known, leaves, resources, syntax_of
+from cranectl.support import FINGERPRINT_DIGITS, InputError, leaves, resources, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
@@ -91,7 +91,7 @@ def trials_of(
     """
     known = sets_of(benchmark)
     for kind, names, allowed in (("set", sets, known), ("scenario", scenarios, benchmark.scenarios)):
-        check_known(f"{kind} of {benchmark.name}", names, allowed)
+        InputError.check_known(f"{kind} of {benchmark.name}", names, allowed)
     plants = (benchmark.plant, benchmark.second_plant)
     return [
         Trial(division, plant, name, scenario, controller)

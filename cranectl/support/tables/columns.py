@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error, unknown_name
+from cranectl.support.errors import InputError, describe_error
 from cranectl.support.tables.stamps import seconds_of_stamps
 
 MAX_COLUMN_LENGTH = 20_000_000
@@ -69,7 +69,7 @@ class TableHead:
                 remedy=f"write column = {numbers[0]}, or {numbers[1]}",
             )
         if not times:
-            raise unknown_name(f"column of {where}:", key, self.names)
+            raise InputError.unknown(f"column of {where}:", key, self.names)
         return self.names.index(key)
 
 
