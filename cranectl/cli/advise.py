@@ -9,7 +9,7 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.idle import print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support import HTML
+from cranectl.support import FileKind
 
 if TYPE_CHECKING:
     from cranectl.analysis.advice import Advice
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 @command.scenario_options
 @command.output_option(
     "--report",
-    HTML,
+    FileKind.HTML,
     "HTML page with this, the certificate, the ladder and the error budget of the best controller.",
 )
 @command.json_option

@@ -14,7 +14,7 @@ from cranectl.cli.controller_options import controllers_option, opened, timeout_
 from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
-from cranectl.support import BENCHMARK_DIRECTORY, HTML, MAX_DRAWS, MAX_WORKERS, PARQUET, InputError, exists
+from cranectl.support import BENCHMARK_DIRECTORY, MAX_DRAWS, MAX_WORKERS, FileKind, InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.settings import Benchmark
@@ -176,8 +176,8 @@ def run_benchmark(
     "literature.parquet.",
 )
 @tuned_option
-@command.output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
-@command.output_option("--table", PARQUET, "All runs in one file.")
+@command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
+@command.output_option("--table", FileKind.PARQUET, "All runs in one file.")
 @trust_option("BENCHMARK")
 @command.json_option
 def report_benchmark(

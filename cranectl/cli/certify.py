@@ -9,7 +9,7 @@ from cranectl.cli.completion import complete_controllers, complete_scenarios
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support import PLOTS
+from cranectl.support import FileKind
 
 # Of the laboratory rig, and on another one scaled by similarity.
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
@@ -56,7 +56,10 @@ DRIVES = ("bridge", "trolley", "winch")
 @click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
 @command.scenario_options
 @command.output_option(
-    "--plot", None, "Draw the map, and distance and margin over frequency (.svg, .pdf, .png).", endings=PLOTS
+    "--plot",
+    None,
+    "Draw the map, and distance and margin over frequency (.svg, .pdf, .png).",
+    endings=FileKind.PLOTS,
 )
 @command.json_option
 def certify_command(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import click
 
 from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
-from cranectl.support import JSON, InputError, Kind, check_place, kind_of
+from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.scenario import Scenario
@@ -48,7 +48,7 @@ class OutputFile(click.Path):
     """The type of an option that names a file to write: of one kind, or of that which its ending names."""
 
     def __init__(
-        self, kind: Kind | None = None, *, endings: tuple[str, ...] = (), dash: bool = False
+        self, kind: FileKind | None = None, *, endings: tuple[str, ...] = (), dash: bool = False
     ) -> None:
         """Make the type of a file to write; with `dash`, `-` is standard output."""
         super().__init__(path_type=None if dash else Path)
@@ -75,8 +75,8 @@ class Command(click.Command):
         ]
         for option, to, path in outputs:
             others = [other for that, _, other in outputs if that != option]
-            kind = to.kind or kind_of(path, to.endings)
-            check_place(path, kind, inputs=[*inputs, *others], option=option)
+            kind = to.kind or FileKind.of(path, to.endings)
+            kind.check_place(path, inputs=[*inputs, *others], option=option)
         return super().invoke(context)
 
 
@@ -117,7 +117,7 @@ def json_option(function: F) -> F:
         "--json",
         "json_file",
         metavar="FILE",
-        type=OutputFile(JSON, dash=True),
+        type=OutputFile(FileKind.JSON, dash=True),
         help="Write the result as JSON; - is standard output, tables then go to standard error.",
     )
     @functools.wraps(function)
@@ -146,7 +146,7 @@ predict_option = click.option(
 
 
 def output_option(
-    name: str, kind: Kind | None, help_text: str, *, endings: tuple[str, ...] = ()
+    name: str, kind: FileKind | None, help_text: str, *, endings: tuple[str, ...] = ()
 ) -> Callable[[F], F]:
     """Return an option for a file to write, of one kind or of the kind that its ending names."""
     return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)

@@ -9,7 +9,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.output import FAILED, PASSED, Screen, styled
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import MCAP, InputError, exists, short_names
+from cranectl.support import FileKind, InputError, exists, short_names
 
 if TYPE_CHECKING:
     from cranectl.compare import Comparison
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     help="exact, rounding or a TOML file: judge the first LOG, NEW, by the second, GOLDEN; exit code 1 if a "
     "limit is exceeded.",
 )
-@command.output_option("--merge", MCAP, "Write two LOGs of different plants as one log of both.")
+@command.output_option("--merge", FileKind.MCAP, "Write two LOGs of different plants as one log of both.")
 @click.option(
     "--despite-differences",
     is_flag=True,
@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     help="With a measured LOG: repeat its commands, held from row to row, or along lines; or the motion of "
     "bridge, trolley and rope. Default: commands, if it has them.",
 )
-@command.output_option("--out", MCAP, "With a measured LOG: write it with its predictions as an overlay.")
+@command.output_option(
+    "--out", FileKind.MCAP, "With a measured LOG: write it with its predictions as an overlay."
+)
 @command.predict_option
 @command.json_option
 def compare_command(

@@ -12,7 +12,7 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
-from cranectl.support import FMU_TABLE, FMUS, PLOTS, InputError, check_place, replacing, write_text, writing
+from cranectl.support import FileKind, InputError, replacing, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.export.prepared import Exported
@@ -40,7 +40,10 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
 )
 @command.scenario_options
 @command.output_option(
-    "--plot", None, "Draw singular values, loop gains and step responses (.svg, .pdf, .png).", endings=PLOTS
+    "--plot",
+    None,
+    "Draw singular values, loop gains and step responses (.svg, .pdf, .png).",
+    endings=FileKind.PLOTS,
 )
 @click.option(
     "--export",
@@ -56,7 +59,7 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
     "--fmu",
     None,
     "Write the controller as an FMU for co-simulation on Linux, with its C files.",
-    endings=FMUS,
+    endings=FileKind.FMUS,
 )
 @fmi_option
 @click.option(
@@ -176,7 +179,7 @@ class Export(NamedTuple):
         if self.directory is not None:
             _check_directory(self.directory)
         if self.fmu is not None:
-            check_place(self.fmu.with_suffix(".toml"), FMU_TABLE, option="--fmu")
+            FileKind.FMU_TABLE.check_place(self.fmu.with_suffix(".toml"), option="--fmu")
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""

@@ -11,12 +11,12 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_rigs
 from cranectl.cli.measured_files import map_option, read_measured, sheets_option
 from cranectl.cli.output import Screen
-from cranectl.support import HTML, JSON, Kind, check_place, write_text, writing
+from cranectl.support import FileKind, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.measured.replay import Replay
 
-IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
+IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
 
 
 @click.command("identify", cls=command.Command)
@@ -39,7 +39,7 @@ IDENTIFIED = Kind("file of an identified crane", rb"# (Identified from|The crane
 @command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
 )
-@command.output_option("--report", HTML, "Write one HTML page: numbers, intervals, residuals.")
+@command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
 @command.json_option
 def identify_command(
     files: tuple[Path, ...],
@@ -80,8 +80,8 @@ def identify_command(
     path = out or Path("identified.toml")
     campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)
     given = [*files, *([map_file] if map_file else [])]
-    for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, JSON)):
-        check_place(file, kind, inputs=given, option="--out")
+    for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, FileKind.JSON)):
+        kind.check_place(file, inputs=given, option="--out")
     measured = read_measured(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]

@@ -11,7 +11,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import HTML, MCAP
+from cranectl.support import FileKind
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 LAST_PREDICTED = "friction"  # level, by default
@@ -36,9 +36,9 @@ class LadderCommand(command.Command):
 @click.option("--predict", is_flag=True, help="Predict what each effect does, and compare.")
 @command.scenario_options
 @command.output_option(
-    "--out", MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
+    "--out", FileKind.MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
 )
-@command.output_option("--report", HTML, "HTML page of it.")
+@command.output_option("--report", FileKind.HTML, "HTML page of it.")
 @command.json_option
 def ladder_command(
     request: command.ScenarioRequest,

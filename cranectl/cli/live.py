@@ -13,7 +13,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.counts import Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support import JSON, MAX_PORT, MCAP, heed_interrupts, interrupt, printable, write_text, writing
+from cranectl.support import MAX_PORT, FileKind, heed_interrupts, interrupt, printable, write_text, writing
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -36,11 +36,11 @@ HERE = ("127.0.0.1", "localhost", "::1")
 @click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
 @command.output_option(
     "--record",
-    MCAP,
+    FileKind.MCAP,
     "Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
 @command.output_option(
-    "--layout", JSON, "Write a layout of this session for its viewer: its rig, what steers it."
+    "--layout", FileKind.JSON, "Write a layout of this session for its viewer: its rig, what steers it."
 )
 @command.scenario_options
 def live_command(

@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command
 from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
-from cranectl.support import JSON, MCAP, InputError, check_place, write_text, writing
+from cranectl.support import FileKind, InputError, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
@@ -51,7 +51,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     exporter = choose_exporter(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
     layers = read_layers(log)
-    check_place(path, exporter.kind, inputs=[log], option="--out")
+    exporter.kind.check_place(path, inputs=[log], option="--out")
     table = export_table({name: layer.run for name, layer in layers.items()}, patterns)
     write_table(table, path, exporter)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
@@ -62,7 +62,7 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
 
 @click.command("layout", cls=command.Command)
 @click.argument("name")
-@click.argument("out", type=command.OutputFile(JSON))
+@click.argument("out", type=command.OutputFile(FileKind.JSON))
 @command.plants_option(
     "Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.", of_logs=True
 )
@@ -133,7 +133,7 @@ def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None
 
 @click.command("overlay", cls=command.Command)
 @click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=command.PATH)
-@command.output_option("--out", MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
+@command.output_option("--out", FileKind.MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
 @command.label_option
 @command.plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
 @command.json_option
@@ -164,7 +164,7 @@ def overlay_logs(
             remedy="name another log, or the plants of this one with --plants all",
         )
     path = out or LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
-    check_place(path, MCAP, inputs=logs, option="--out")
+    FileKind.MCAP.check_place(path, inputs=logs, option="--out")
     comparisons = against_first(runs)
     write_overlay(path, layers)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
@@ -179,7 +179,9 @@ def overlay_logs(
 
 @click.command("recover", cls=command.Command)
 @click.argument("file", metavar="FILE", type=command.PATH)
-@command.output_option("--out", MCAP, "Log file. Default: the place the log should have had, if it is free")
+@command.output_option(
+    "--out", FileKind.MCAP, "Log file. Default: the place the log should have had, if it is free"
+)
 @command.json_option
 def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     """Save the readable part of FILE, a log that was cut off.

@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command
 from cranectl.cli.measured_files import imported_facts, map_option, print_imported, sheets_option
 from cranectl.cli.output import Screen
-from cranectl.support import MCAP, InputError, check_place
+from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.measured.importing import LogSource
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @sheets_option(
     "With --each: a log for each sheet that fits, e.g. 'Run*'; its columns are named without the sheet."
 )
-@command.output_option("--out", MCAP, "Log file. Default: logs/NAME/measured.mcap")
+@command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/NAME/measured.mcap")
 @command.json_option
 def import_log(
     files: tuple[Path, ...],
@@ -64,7 +64,7 @@ def import_log(
     mapping = read_map(map_file)
     logs = _logs(files, mapping, separate=separate, sheets=sheets, out=out)
     for path in logs:
-        check_place(path, MCAP, inputs=[*files, map_file], option="--out")
+        FileKind.MCAP.check_place(path, inputs=[*files, map_file], option="--out")
     results = import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
     for path, imported in zip(logs, results, strict=True):
         write_log(path, [imported.run])

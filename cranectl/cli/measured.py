@@ -15,7 +15,7 @@ from cranectl.cli.command import command_given
 from cranectl.cli.measured_files import read_measured
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import MCAP, InputError, check_place
+from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
@@ -48,7 +48,7 @@ def compare_measured(
     from cranectl.support import provenance
 
     if out is not None:
-        check_place(out, MCAP, inputs=[log], option="--out")
+        FileKind.MCAP.check_place(out, inputs=[log], option="--out")
     run = measured.run
     replayed = replay or default_replay(run)
     rig = run.scenario.rig

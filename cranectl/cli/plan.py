@@ -7,7 +7,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
-from cranectl.support import PLOTS, InputError
+from cranectl.support import FileKind, InputError
 
 # Settings of runs, which plans do not read.
 UNREAD = (
@@ -18,7 +18,9 @@ UNREAD = (
 
 @click.command("plan", cls=command.Command)
 @command.scenario_argument
-@command.output_option("--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=PLOTS)
+@command.output_option(
+    "--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=FileKind.PLOTS
+)
 @click.option(
     "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."
 )

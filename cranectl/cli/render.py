@@ -7,12 +7,12 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import PATH, Command, OutputFile, label_option
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support import VIDEOS
+from cranectl.support import FileKind
 
 
 @click.command("render", cls=Command)
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=PATH)
-@click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=VIDEOS))
+@click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=FileKind.VIDEOS))
 @click.option(
     "--time",
     type=float,

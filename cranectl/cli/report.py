@@ -8,7 +8,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, predict_option
 from cranectl.cli.output import Screen
-from cranectl.support import HTML, InputError, check_place, check_replaceable, short_names
+from cranectl.support import FileKind, InputError, check_replaceable, short_names
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command("report", cls=Command)
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
-@output_option("--out", HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
+@output_option("--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
 @predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
@@ -66,7 +66,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
             of_run = name if len(logs) == 1 else f"{label}: {name}"
             of_logs[of_run], versions[of_run] = {layer.run.plant: layer.run}, layer.versions
     _check_number(len(of_logs))
-    check_place(out, HTML, inputs=logs, option="--out")
+    FileKind.HTML.check_place(out, inputs=logs, option="--out")
     notes = [
         f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
         f"{difference}"

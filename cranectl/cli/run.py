@@ -11,7 +11,7 @@ from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.cli.refused_options import fmi_option, refuse_fmi
-from cranectl.support import FMUS, MCAP, InputError, replacing, writing
+from cranectl.support import FileKind, InputError, replacing, writing
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 @command.scenario_options
 @command.every_option
 @timeout_option
-@command.output_option("--out", MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
+@command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
 @command.output_option(
-    "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FMUS
+    "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FileKind.FMUS
 )
 @fmi_option
 @command.predict_option

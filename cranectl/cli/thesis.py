@@ -7,11 +7,11 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Command, command_given, json_option, output_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
-from cranectl.support import HTML
+from cranectl.support import FileKind
 
 
 @click.command("thesis", cls=Command)
-@output_option("--report", HTML, "Also write tables and all figures of the thesis as one HTML page.")
+@output_option("--report", FileKind.HTML, "Also write tables and all figures of the thesis as one HTML page.")
 @json_option
 def thesis_command(report: Path | None, screen: Screen) -> int:
     """Run chapter 5 of the thesis again and compare its numbers.

@@ -16,7 +16,7 @@ from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.measured import is_measured, judge_runs
 from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
-from cranectl.support import HTML, MAX_WORKERS, XML, InputError, exists
+from cranectl.support import MAX_WORKERS, FileKind, InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
@@ -57,8 +57,8 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @map_option("For measured files: map of their columns.")
 @sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option("--tolerance", metavar="SIZE", help="For measured runs: the difference you accept, e.g. 5mm.")
-@command.output_option("--junit", XML, "Write JUnit XML, a test case for each case.")
-@command.output_option("--report", HTML, "Write one HTML page: verdict, limits, worst moments.")
+@command.output_option("--junit", FileKind.XML, "Write JUnit XML, a test case for each case.")
+@command.output_option("--report", FileKind.HTML, "Write one HTML page: verdict, limits, worst moments.")
 @command.json_option
 def validate_command(
     scenarios: tuple[str, ...],

@@ -23,8 +23,8 @@ from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
 from cranectl.support import (
     Array,
+    FileKind,
     InputError,
-    Kind,
     Mask,
     extensions,
     matching,
@@ -77,9 +77,9 @@ class Exporter:
     renamed: Callable[[ExportTable], Mapping[str, str]] = lambda _: {}
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> FileKind:
         """The kind of its files."""
-        return Kind(self.title, self.begins)
+        return FileKind(self.title, self.begins)
 
 
 def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> ExportTable:

@@ -26,10 +26,9 @@ from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
 from cranectl.support import (
-    MCAP,
+    FileKind,
     InputError,
     LogError,
-    check_place,
     check_whole,
     checks_arguments,
     interrupts_wait,
@@ -44,8 +43,8 @@ FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full di
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
-    """Raise LogError if no log can be written, before time is spent on a simulation; see `check_place`."""
-    check_place(path, MCAP, inputs=inputs, option="--out", at_once=at_once)
+    """Raise LogError if no log can be written, before time is spent on a simulation; see ``."""
+    FileKind.MCAP.check_place(path, inputs=inputs, option="--out", at_once=at_once)
 
 
 @checks_arguments

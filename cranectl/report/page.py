@@ -16,7 +16,7 @@ from PIL.Image import Image
 
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, standalone_svg, styled
-from cranectl.support import BY_ENDING, check_place, replacing, write_text, writing
+from cranectl.support import FileKind, replacing, write_text, writing
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def write_figures(page: Page, directory: Path) -> int:
         taken[name] += 1
         name += f"-{taken[name]}" if taken[name] > 1 else ""
         path = directory / f"{name}.{'png' if figure.png else 'svg'}"
-        check_place(path, BY_ENDING[path.suffix], option="--figures")
+        FileKind.of(path, FileKind.PLOTS).check_place(path, option="--figures")
         with writing(path), replacing(path) as part:
             part.write_bytes(figure.png or standalone_svg(figure.svg).encode())
     return taken.total()

@@ -10,9 +10,10 @@ import io
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, ClassVar
 
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.interrupts import reported_when_slow
@@ -127,66 +128,86 @@ def _lock(file: BinaryIO) -> bool:
     return True
 
 
-class Kind(NamedTuple):
-    """A kind of file that cranectl writes."""
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file that cranectl writes.
+
+    Parameters
+    ----------
+    name : str
+        In messages.
+    begins : bytes
+        Regular expression of what each such file begins with.
+    piped : bool
+        Whether it may go into a device or a pipe.
+    error : type
+        Raised if it cannot be written.
+    """
 
     name: str
-    begins: bytes  # regular expression of what each such file begins with
-    piped: bool = False  # whether it may go into a device or a pipe
-    error: type[InputError] = InputError  # raised if it cannot be written
+    begins: bytes
+    piped: bool = False
+    error: type[InputError] = InputError
+
+    MCAP: ClassVar["FileKind"]
+    JSON: ClassVar["FileKind"]
+    HTML: ClassVar["FileKind"]
+    PARQUET: ClassVar["FileKind"]
+    FMU_TABLE: ClassVar["FileKind"]
+    XML: ClassVar["FileKind"]
+    # Endings of which a user chooses one.
+    FMUS: ClassVar = (".fmu",)
+    PLOTS: ClassVar = (".svg", ".pdf", ".png")
+    VIDEOS: ClassVar = (".mp4", ".gif", ".png")
+
+    @classmethod
+    def of(cls, path: Path, endings: Iterable[str]) -> "FileKind":
+        """Return the kind for the ending of `path`; raise InputError if the ending is none of `endings`."""
+        if path.suffix.lower() not in endings:
+            problem = f"{path} ends in '{path.suffix}'"
+            raise InputError(problem, allowed=", ".join(endings), remedy="name the file by what it is to be")
+        return _BY_ENDING[path.suffix.lower()]
+
+    def check_place(
+        self, path: Path, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
+    ) -> None:
+        """Check that such a file may be written to `path`, and make its directory; raise `error`.
+
+        The file must not replace one of `inputs`, by whatever name. It may replace only an empty file or one
+        of its own kind. It must not replace a file that another command is writing, unless it is written
+        `at_once`: then the last to finish wins. `option` is the command-line option that gave the place.
+        """
+        remedy = f"choose another place with {option}" if option else "choose another place"
+        with writing(path, remedy=remedy, error=self.error):
+            obstacle = _obstacle(path, self, inputs)
+            if not obstacle and not at_once and path.is_file() and being_written(path):
+                obstacle = "another command is writing it at this moment"
+            if not obstacle and (path.is_file() or not path.exists()):
+                check_replaceable(path)
+        if obstacle:
+            problem = f"cannot write {path}: {obstacle}"
+            allowed = f"a free place, or a file of the same kind ({self.name})"
+            raise self.error(problem, allowed=allowed, remedy=remedy)
 
 
-MCAP = Kind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
-JSON = Kind("JSON file", rb"\s*[\[{]", piped=True)
-HTML = Kind("HTML page", rb"\s*<!doctype html", piped=True)
-PARQUET = Kind("Parquet file", rb"PAR1")
-FMU_TABLE = Kind("table of an FMU", rb"# Read by cranectl beside the FMU")
-XML = Kind("XML file", rb"\s*<\?xml", piped=True)
-BY_ENDING = {
-    ".svg": Kind("SVG picture", rb"\s*<(\?xml|svg)"),
-    ".pdf": Kind("PDF file", rb"%PDF"),
-    ".png": Kind("PNG picture", rb"\x89PNG"),
-    ".gif": Kind("GIF animation", rb"GIF8"),
-    ".mp4": Kind("MP4 video", rb"....ftyp"),
-    ".fmu": Kind("FMU", rb"PK\x03\x04"),
+FileKind.MCAP = FileKind("MCAP file", rb"\x89MCAP0\r\n", error=LogError)
+FileKind.JSON = FileKind("JSON file", rb"\s*[\[{]", piped=True)
+FileKind.HTML = FileKind("HTML page", rb"\s*<!doctype html", piped=True)
+FileKind.PARQUET = FileKind("Parquet file", rb"PAR1")
+FileKind.FMU_TABLE = FileKind("table of an FMU", rb"# Read by cranectl beside the FMU")
+FileKind.XML = FileKind("XML file", rb"\s*<\?xml", piped=True)
+_BY_ENDING = {
+    ".svg": FileKind("SVG picture", rb"\s*<(\?xml|svg)"),
+    ".pdf": FileKind("PDF file", rb"%PDF"),
+    ".png": FileKind("PNG picture", rb"\x89PNG"),
+    ".gif": FileKind("GIF animation", rb"GIF8"),
+    ".mp4": FileKind("MP4 video", rb"....ftyp"),
+    ".fmu": FileKind("FMU", rb"PK\x03\x04"),
 }
-FMUS = (".fmu",)
-PLOTS = (".svg", ".pdf", ".png")
-VIDEOS = (".mp4", ".gif", ".png")
 MAX_BEGINNING = 256  # [bytes]
 
 
-def kind_of(path: Path, endings: Iterable[str]) -> Kind:
-    """Return the kind for the ending of `path`; raise InputError if the ending is none of `endings`."""
-    if path.suffix.lower() not in endings:
-        problem = f"{path} ends in '{path.suffix}'"
-        raise InputError(problem, allowed=", ".join(endings), remedy="name the file by what it is to be")
-    return BY_ENDING[path.suffix.lower()]
-
-
-def check_place(
-    path: Path, kind: Kind, *, inputs: Iterable[Path] = (), option: str = "", at_once: bool = False
-) -> None:
-    """Check that `kind` may be written to `path`, and make its directory; raise the error of `kind`.
-
-    The file must not replace one of `inputs`, by whatever name. It may replace only an empty file or one of
-    its own kind. It must not replace a file that another command is writing, unless it is written `at_once`:
-    then the last to finish wins. `option` is the command-line option that gave the place.
-    """
-    remedy = f"choose another place with {option}" if option else "choose another place"
-    with writing(path, remedy=remedy, error=kind.error):
-        obstacle = _obstacle(path, kind, inputs)
-        if not obstacle and not at_once and path.is_file() and being_written(path):
-            obstacle = "another command is writing it at this moment"
-        if not obstacle and (path.is_file() or not path.exists()):
-            check_replaceable(path)
-    if obstacle:
-        problem = f"cannot write {path}: {obstacle}"
-        allowed = f"a free place, or a file of the same kind ({kind.name})"
-        raise kind.error(problem, allowed=allowed, remedy=remedy)
-
-
-def _obstacle(path: Path, kind: Kind, inputs: Iterable[Path]) -> str:
+def _obstacle(path: Path, kind: FileKind, inputs: Iterable[Path]) -> str:
     if str(path) == "-":
         return "this goes into a file, not to standard output"
     if path.is_dir():

@@ -17,13 +17,8 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.files import (
-    BY_ENDING,
-    HTML,
-    JSON,
-    MCAP,
-    Kind,
+    FileKind,
     being_written,
-    check_place,
     check_replaceable,
     replacing,
     short_names,
@@ -31,6 +26,8 @@ from cranectl.support.files import (
     writing,
 )
 from tests.pace import HANG
+
+PICTURES = {*FileKind.PLOTS, *FileKind.VIDEOS}
 
 
 def test_a_file_appears_whole_or_stays_what_it_was(tmp_path: Path) -> None:
@@ -99,26 +96,31 @@ def test_what_cannot_be_written_is_bad_input(name: str, failure: Exception, erro
         raise ValueError("no such colour")
 
 
-def refused(path: Path, kind: Kind = MCAP, **more: object) -> str:
+def refused(path: Path, kind: FileKind = FileKind.MCAP, **more: object) -> str:
     with pytest.raises(InputError) as caught:
-        check_place(path, kind, **more)  # type: ignore[arg-type]
+        kind.check_place(path, **more)  # type: ignore[arg-type]
     return caught.value.found
 
 
 def test_free_places_and_files_of_the_kind_may_be_written(tmp_path: Path) -> None:
-    check_place(tmp_path / "new" / "x.mcap", MCAP)
-    for kind, content in ((JSON, "{}"), (HTML, "<!DOCTYPE html>"), (BY_ENDING[".svg"], "<svg>")):
+    FileKind.MCAP.check_place(tmp_path / "new" / "x.mcap")
+    for kind, content in (
+        (FileKind.JSON, "{}"),
+        (FileKind.HTML, "<!DOCTYPE html>"),
+        (FileKind.of(Path("a.svg"), FileKind.PLOTS), "<svg>"),
+    ):
         (tmp_path / "x").write_text(content)
-        check_place(tmp_path / "x", kind)
+        kind.check_place(tmp_path / "x")
     (tmp_path / "x").write_text("")
-    check_place(tmp_path / "x", MCAP)
-    check_place(Path(os.devnull), JSON)
+    FileKind.MCAP.check_place(tmp_path / "x")
+    FileKind.JSON.check_place(Path(os.devnull))
 
 
 def test_nothing_of_another_kind_is_replaced(tmp_path: Path) -> None:
     notes = tmp_path / "notes.txt"
     notes.write_text("my notes")
-    for kind in (MCAP, JSON, HTML, *BY_ENDING.values()):
+    pictures = [FileKind.of(Path(f"a{ending}"), [ending]) for ending in (*PICTURES, ".fmu")]
+    for kind in (FileKind.MCAP, FileKind.JSON, FileKind.HTML, *pictures):
         assert f"is no {kind.name}" in refused(notes, kind)
     assert "directory" in refused(tmp_path)
     assert "no regular file" in refused(Path(os.devnull))
@@ -136,7 +138,7 @@ def test_an_input_is_found_by_any_name(tmp_path: Path) -> None:
     for name in names:
         assert "reads it" in refused(name, inputs=[log])
         assert "reads it" in refused(log, inputs=[name])
-    check_place(log, MCAP, inputs=[tmp_path / "other.mcap"])
+    FileKind.MCAP.check_place(log, inputs=[tmp_path / "other.mcap"])
 
 
 WRITER = """
@@ -159,7 +161,7 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
             assert process.stdout.readline()
             assert being_written(path)
             assert "is writing it" in refused(path)
-            check_place(path, MCAP, at_once=True)
+            FileKind.MCAP.check_place(path, at_once=True)
             if kill:
                 process.kill()
             else:
@@ -168,7 +170,7 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
         if not kill:
             assert path.read_bytes() == b""
             path.write_bytes(b"\x89MCAP0\r\n")
-        check_place(path, MCAP)
+        FileKind.MCAP.check_place(path)
     assert list(tmp_path.glob("*.part")), "and is there to be recovered"
 
 

@@ -11,10 +11,8 @@ from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Point, Tuned
 from cranectl.controllers import OPEN, controller_argument
 from cranectl.support import (
-    PARQUET,
+    FileKind,
     InputError,
-    Kind,
-    check_place,
     fingerprints,
     leaves,
     read_toml,
@@ -25,14 +23,14 @@ from cranectl.support import (
 )
 
 DEFAULT = "literature"  # the default benchmark
-TOML = Kind("result of tuning", rb"law = ")
+TOML = FileKind("result of tuning", rb"law = ")
 
 
 def tuned_files(directory: Path, controller: str) -> tuple[Path, Path]:
     """Return the files for a controller's numbers and points; raise InputError if they cannot be written."""
     files = directory / f"{controller}.toml", directory / f"{controller}.parquet"
-    for path, kind in zip(files, (TOML, PARQUET), strict=True):
-        check_place(path, kind, option="--out")
+    for path, kind in zip(files, (TOML, FileKind.PARQUET), strict=True):
+        kind.check_place(path, option="--out")
     return files
 
 

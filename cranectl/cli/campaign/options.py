@@ -11,7 +11,7 @@ import click
 from cranectl.cli.command import output_option, plants_option
 from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
 from cranectl.cli.controller_options import controllers_option, opened, trust_option
-from cranectl.support import XML, InputError
+from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.campaign.failures import AllowedFailures
@@ -33,7 +33,9 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
         help="Exit code 1 if more runs with a controller on a plant fail: a number, or a share such as 5%.",
     )
     @output_option(
-        "--junit", XML, "With --max-failures: write JUnit XML, a test for each controller and plant."
+        "--junit",
+        FileKind.XML,
+        "With --max-failures: write JUnit XML, a test for each controller and plant.",
     )
     @functools.wraps(function)
     def command(*given: Any, max_failures: str | None, junit: Path | None, **options: Any) -> Any:

@@ -11,7 +11,7 @@ from cranectl.cli.campaign.options import Judgement, judgement_options
 from cranectl.cli.controller_options import controllers_option
 from cranectl.cli.counts import count_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
-from cranectl.support import HTML, MAX_REPLAYS
+from cranectl.support import MAX_REPLAYS, FileKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @click.command("report", cls=command.Command)
 @click.argument("result", type=command.PATH)
-@command.output_option("--out", HTML, "The page. Default: beside RESULT, with its name and .html.")
+@command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @judgement_options
 @command.json_option
@@ -44,11 +44,10 @@ def report_campaign(
     from cranectl.campaign.results import read_results
     from cranectl.report.campaign.page import campaign_page
     from cranectl.report.page import write_page
-    from cranectl.support import check_place
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
-    check_place(page, HTML, option="--out")
+    FileKind.HTML.check_place(page, option="--out")
     analysis = analyse(results)
     write_page(campaign_page(analysis, command.command_given()), page)
     code = show_result(results, screen, judgement, analysis_json(analysis))

@@ -103,7 +103,7 @@ def test_tuning_an_unknown_controller_touches_no_file(
 ) -> None:
     """The name is checked before the files, which would be outside of --out for this name."""
     monkeypatch.setattr(
-        "cranectl.campaign.benchmark.tuned.check_place", lambda *_, **__: pytest.fail("files are checked")
+        "cranectl.support.files.FileKind.check_place", lambda *_, **__: pytest.fail("files are checked")
     )
     assert "unknown controller" in refused(f"cranectl tune {tmp_path}/ --out {tmp_path}")
 
