@@ -11,14 +11,12 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario, size_of
 from cranectl.support import (
     FINGERPRINT_DIGITS,
+    Extensions,
     InputError,
     check_free,
     checked,
-    extensions,
     loaded,
-    packages,
     source_digests,
-    with_extensions,
 )
 
 if TYPE_CHECKING:
@@ -85,13 +83,13 @@ def _added() -> dict[str, "Controller"]:
     """Return the controllers of other packages."""
     from cranectl.controllers.controller import Controller
 
-    return with_extensions({}, Controller, extensions.CONTROLLERS, taken=(*FLAT_FAMILY, *WHERE))
+    return Extensions.CONTROLLERS.join({}, Controller, taken=(*FLAT_FAMILY, *WHERE))
 
 
 def described_controllers() -> dict[str, tuple[str, str]]:
     """Return the origin and a one-line description of each controller, by name."""
     described = {}
-    origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **packages(extensions.CONTROLLERS)}
+    origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **Extensions.CONTROLLERS.packages()}
     for name in controller_names():
         controller = load_controller(name)
         described[name] = (

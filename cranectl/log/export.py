@@ -23,13 +23,12 @@ from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
 from cranectl.support import (
     Array,
+    Extensions,
     FileKind,
     InputError,
     Mask,
-    extensions,
     matching,
     replacing,
-    with_extensions,
     writing,
 )
 
@@ -114,7 +113,7 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
 @functools.cache
 def exporters() -> dict[str, Exporter]:
     """Return our exporters and those of installed packages by name; raise InputError for an invalid one."""
-    return with_extensions({own.name: own for own in EXPORTERS}, Exporter, extensions.EXPORTERS)
+    return Extensions.EXPORTERS.join({own.name: own for own in EXPORTERS}, Exporter)
 
 
 def choose_exporter(name: str | None, out: Path | None) -> Exporter:

@@ -18,7 +18,7 @@ from cranectl.metrics.setup import MetricsSetup
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import AXES
 from cranectl.status import RunStatus
-from cranectl.support import Array, extensions, with_extensions
+from cranectl.support import Array, Extensions
 
 Value = float | tuple[float | None, ...] | None  # a number, a number for each part, or no value
 
@@ -231,7 +231,7 @@ METRICS = (
 def all_metrics() -> tuple[Metric, ...]:
     """Return all metrics, those of cranectl and of installed packages; raise InputError for invalid ones."""
     own = {metric.name: metric for metric in METRICS}
-    return tuple(with_extensions(own, Metric, extensions.METRICS, taken=TAKEN).values())
+    return tuple(Extensions.METRICS.join(own, Metric, taken=TAKEN).values())
 
 
 def low_is_bad(column: str) -> bool:

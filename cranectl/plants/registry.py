@@ -15,15 +15,14 @@ from cranectl.scenario import PARTS, WHOLE_EFFECTS
 from cranectl.support import (
     COLOURS,
     VIEWER,
+    Extensions,
     InputError,
     check_fields,
     check_free,
     check_name,
     checks_arguments,
-    extensions,
     loaded,
     source_digests,
-    with_extensions,
 )
 
 MAX_PLANT_LABEL = 40  # [characters]
@@ -199,7 +198,7 @@ class Plants(MutableMapping[str, PlantEntry]):
         if not self._complete:
             self._complete = True  # at once: loading another package may look up plants itself
             try:
-                self._entries.update(with_extensions(self._entries, PlantEntry, extensions.PLANTS))
+                self._entries.update(Extensions.PLANTS.join(self._entries, PlantEntry))
             except InputError:
                 self._complete = False
                 raise

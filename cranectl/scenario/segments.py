@@ -35,7 +35,7 @@ from cranectl.scenario.along_path import (
 )
 from cranectl.scenario.recorded import Driven, FitNumbers, FromFile, Source
 from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, RuleError, Settings
-from cranectl.support import extensions, with_extensions
+from cranectl.support import Extensions
 
 MAX_SPLINE_POINTS = 2000  # way points of a spline through all of them
 MAX_SPANS = 1000  # of a spline that is fitted to samples
@@ -232,8 +232,8 @@ OWN = ("hold", "line", "arc", "path", "move", "waypoints", "samples", "spline", 
 
 @functools.cache
 def added_kinds() -> dict[str, SegmentKind]:
-    """Return the segments of other packages, by name; raise InputError as `with_extensions`."""
-    return with_extensions({}, SegmentKind, extensions.SEGMENTS, taken=OWN)
+    """Return the segments of other packages, by name; raise InputError as `Extensions.join`."""
+    return Extensions.SEGMENTS.join({}, SegmentKind, taken=OWN)
 
 
 class AddedSegment(Settings):

@@ -1,5 +1,4 @@
 from . import documents as documents
-from . import extensions as extensions
 from . import resources as resources
 from .arguments import check_fields as check_fields
 from .arguments import check_whole as check_whole
@@ -68,11 +67,10 @@ from .errors import printable as printable
 from .errors import report_to_parent as report_to_parent
 from .errors import shown as shown
 from .errors import starting as starting
+from .extensions import Extensions as Extensions
 from .extensions import check_free as check_free
 from .extensions import check_name as check_name
 from .extensions import loaded as loaded
-from .extensions import packages as packages
-from .extensions import with_extensions as with_extensions
 from .files import FileKind as FileKind
 from .files import check_replaceable as check_replaceable
 from .files import exists as exists

@@ -3,19 +3,63 @@
 import importlib
 import re
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, ClassVar
 
 from cranectl.support.errors import InputError
 
-# Groups of entry points; the first four decide numbers.
-METRICS, PLANTS, CONTROLLERS, SEGMENTS = GROUPS = (
-    "cranectl.metrics",
-    "cranectl.plants",
-    "cranectl.controllers",
-    "cranectl.segments",
-)
-EXPORTERS = "cranectl.exporters"
+
+@dataclass(frozen=True)
+class Extensions:
+    """Objects of one kind that other packages add, as entry points of a group."""
+
+    group: str
+
+    METRICS: ClassVar["Extensions"]
+    PLANTS: ClassVar["Extensions"]
+    CONTROLLERS: ClassVar["Extensions"]
+    SEGMENTS: ClassVar["Extensions"]
+    EXPORTERS: ClassVar["Extensions"]
+
+    def join(self, own: Mapping[str, Any], kind: type[Any], *, taken: Collection[str] = ()) -> dict[str, Any]:
+        """Return the objects `own` by name, then those that installed packages declare.
+
+        Raises InputError for an object that cannot be loaded, is no `kind`, or has a name already in use.
+        """
+        objects = dict(own)
+        for entry in sorted(entry_points(group=self.group), key=lambda entry: entry.name):
+            try:
+                added = entry.load()
+                if not isinstance(added, kind):
+                    raise TypeError(f"{type(added).__name__} is no {kind.__name__}")
+                if added.name in objects or added.name in taken:
+                    raise ValueError(f"the name '{added.name}' is taken")
+            except Exception as error:
+                raise InputError(
+                    f"{entry.value} of the entry points {self.group}: {error}",
+                    allowed=f"a cranectl {kind.__name__} with a name of its own",
+                    remedy="correct or remove the package that brings it",
+                ) from error
+            objects[added.name] = added
+        return objects
+
+    def packages(self) -> dict[str, str]:
+        """Return the package and version that provides each object, by name of the object."""
+        origins = {}
+        for entry in entry_points(group=self.group):
+            origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
+            origins[entry.load().name] = origin
+        return origins
+
+
+Extensions.METRICS = Extensions("cranectl.metrics")
+Extensions.PLANTS = Extensions("cranectl.plants")
+Extensions.CONTROLLERS = Extensions("cranectl.controllers")
+Extensions.SEGMENTS = Extensions("cranectl.segments")
+Extensions.EXPORTERS = Extensions("cranectl.exporters")
+# These decide numbers.
+COUNTED = (Extensions.METRICS, Extensions.PLANTS, Extensions.CONTROLLERS, Extensions.SEGMENTS)
 
 
 def loaded(where: str) -> Any:
@@ -41,37 +85,3 @@ def check_free(kind: str, name: str, taken: Iterable[str]) -> None:
         raise InputError(
             f"a {kind} named '{name}'", allowed=f"not {', '.join(known)}", remedy="take another name"
         )
-
-
-def with_extensions(
-    own: Mapping[str, Any], kind: type[Any], group: str, *, taken: Collection[str] = ()
-) -> dict[str, Any]:
-    """Return the objects `own` by name, then those that installed packages declare in `group`.
-
-    Raises InputError for an object that cannot be loaded, is no `kind`, or has a name already in use.
-    """
-    objects = dict(own)
-    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
-        try:
-            added = entry.load()
-            if not isinstance(added, kind):
-                raise TypeError(f"{type(added).__name__} is no {kind.__name__}")
-            if added.name in objects or added.name in taken:
-                raise ValueError(f"the name '{added.name}' is taken")
-        except Exception as error:
-            raise InputError(
-                f"{entry.value} of the entry points {group}: {error}",
-                allowed=f"a cranectl {kind.__name__} with a name of its own",
-                remedy="correct or remove the package that brings it",
-            ) from error
-        objects[added.name] = added
-    return objects
-
-
-def packages(group: str) -> dict[str, str]:
-    """Return the package and version that provides each object of `group`, by name of the object."""
-    origins = {}
-    for entry in entry_points(group=group):
-        origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
-        origins[entry.load().name] = origin
-    return origins

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cranectl.support import resources
-from cranectl.support.extensions import GROUPS
+from cranectl.support.extensions import COUNTED
 
 PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
 FINGERPRINTS = ("sources", "models", "data")
@@ -54,7 +54,7 @@ def fingerprints() -> dict[str, str]:
 @functools.cache
 def extensions() -> dict[str, str]:
     """Return versions of the packages that add metrics or plants, and digests of their sources."""
-    entries = [entry for group in GROUPS for entry in importlib.metadata.entry_points(group=group)]
+    entries = [entry for each in COUNTED for entry in importlib.metadata.entry_points(group=each.group)]
     versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
     return versions | source_digests(entry.module for entry in entries)
 
