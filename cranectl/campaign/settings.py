@@ -10,7 +10,7 @@ from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Dist
 from cranectl.metrics import Limits
 from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
 from cranectl.scenario import Assigned, RuleError, Settings, override, parse_settings, rig_place
-from cranectl.support import MAX_RUNS, InputError, leaves, read_toml, resources
+from cranectl.support import MAX_RUNS, InputError, Shipped, leaves, read_toml
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution
@@ -87,12 +87,12 @@ class CampaignSettings(Settings):
 
 def campaign_names() -> list[str]:
     """Return the names of the shipped campaigns."""
-    return resources.toml_names(resources.CAMPAIGN_DIRECTORY)
+    return Shipped.CAMPAIGNS.names()
 
 
 def campaign_file(name_or_path: str | Path) -> Path:
     """Return the file of a campaign; raise InputError if there is none."""
-    return resources.toml_file("campaign", str(name_or_path), resources.CAMPAIGN_DIRECTORY)
+    return Shipped.CAMPAIGNS.file(str(name_or_path))
 
 
 def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:

@@ -14,7 +14,7 @@ from cranectl.cli.controller_options import controllers_option, opened, timeout_
 from cranectl.cli.counts import count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
-from cranectl.support import BENCHMARK_DIRECTORY, MAX_DRAWS, MAX_WORKERS, FileKind, InputError, exists
+from cranectl.support import MAX_DRAWS, MAX_WORKERS, FileKind, InputError, Shipped, exists
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.settings import Benchmark
@@ -35,7 +35,7 @@ def measured_controllers(
     from cranectl.controllers import checked_controller
 
     folder = benchmark.file.parent
-    is_ours = benchmark.file.resolve().is_relative_to(BENCHMARK_DIRECTORY.resolve())
+    is_ours = benchmark.file.resolve().is_relative_to(Shipped.BENCHMARKS.folder.resolve())
     trust = trust or is_ours or (bool(named) and folder.resolve() == Path.cwd())
     opened_names = []
     for name in named or benchmark.laws:
@@ -269,7 +269,7 @@ def report_benchmark(
 
 def _table_place(path: Path) -> Path:
     """Return where a table is: at its path, or else beside the benchmark of its name in a checkout."""
-    judged = BENCHMARK_DIRECTORY / f"{path.stem}.parquet"
+    judged = Shipped.BENCHMARKS.folder / f"{path.stem}.parquet"
     is_name = not exists(path) and path.name == str(path)
     if not is_name or not judged.with_suffix(".toml").is_file():
         return path

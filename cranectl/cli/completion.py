@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.shell_completion import CompletionItem
 
-from cranectl.support import InputError, resources
+from cranectl.support import InputError, Shipped
 
 Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
@@ -31,9 +31,9 @@ def _load(module: str) -> Any:
     return importlib.import_module(f"cranectl.{module}")
 
 
-complete_scenarios = completer(lambda: resources.toml_names(resources.SCENARIO_DIRECTORY), files=True)
-complete_rigs = completer(lambda: resources.toml_names(resources.RIG_DIRECTORY), files=True)
-complete_campaigns = completer(lambda: resources.toml_names(resources.CAMPAIGN_DIRECTORY), files=True)
+complete_scenarios = completer(Shipped.SCENARIOS.names, files=True)
+complete_rigs = completer(Shipped.RIGS.names, files=True)
+complete_campaigns = completer(Shipped.CAMPAIGNS.names, files=True)
 complete_controllers = completer(lambda: _load("controllers.registry").controller_names(), files=True)
 complete_plants = completer(lambda: [*_load("plants.registry").PLANTS, "all"])
 complete_drives = completer(lambda: _load("plants.plant").DRIVES)

@@ -117,11 +117,12 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
     `runs`: scenario of the benchmark, plant and controller of each.
     """
     from cranectl.campaign.benchmark.trials import scenario_source
-    from cranectl.support import BENCHMARK_DIRECTORY
+    from cranectl.support import Shipped
 
     lines: list[str] = []
     listed = list(runs)
-    for name, measured in benchmark.scenarios.items() if benchmark.file.parent != BENCHMARK_DIRECTORY else ():
+    is_ours = benchmark.file.parent == Shipped.BENCHMARKS.folder
+    for name, measured in () if is_ours else benchmark.scenarios.items():
         if uses := [
             (plant, benchmark.drive, controller) for scenario, plant, controller in listed if scenario == name
         ]:

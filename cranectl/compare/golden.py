@@ -17,7 +17,7 @@ from cranectl.compare.runs import (
 )
 from cranectl.scenario import NANOSECONDS, Settings, nanoseconds, parse_settings
 from cranectl.simulate import Run
-from cranectl.support import InputError, matching, read_toml, resources
+from cranectl.support import InputError, Shipped, matching, read_toml
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -90,7 +90,7 @@ class RegressionVerdict:
 
 def load_tolerances(name_or_path: str) -> Tolerances:
     """Load tolerances by name or from a TOML file; raise InputError for mistakes in it."""
-    path = resources.toml_file("tolerance file", name_or_path, resources.REGRESSION_DIRECTORY)
+    path = Shipped.REGRESSIONS.file(name_or_path)
     return parse_settings(Tolerances, read_toml(path), path.name)
 
 

@@ -26,15 +26,16 @@ from cranectl.scenario.similarity import check_size, completed_rig, completed_sc
 from cranectl.support import (
     Array,
     InputError,
+    Shipped,
     Table,
     differences,
+    is_path,
     is_plain,
     leaves,
     merged,
     parse_json,
     read_toml,
     replacing,
-    resources,
 )
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
@@ -66,7 +67,7 @@ def scenario_names() -> list[str]:
     list of str
         The names, sorted.
     """
-    return resources.toml_names(resources.SCENARIO_DIRECTORY)
+    return Shipped.SCENARIOS.names()
 
 
 @functools.cache
@@ -84,7 +85,7 @@ def scenarios_in(workspace: Array) -> str:
 
 def scenario_file(name_or_path: str | Path) -> Path:
     """Return the file of a scenario; raise InputError if there is none."""
-    return resources.toml_file("scenario", str(name_or_path), resources.SCENARIO_DIRECTORY)
+    return Shipped.SCENARIOS.file(str(name_or_path))
 
 
 def read_scenario(
@@ -113,7 +114,7 @@ def _place_model(rig: Table, directory: Path) -> None:
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
     """Return the rig that a file in `directory` names, as an argument for `load_rig`."""
-    return directory / name_or_path if resources.is_path(name_or_path) else Path(name_or_path)
+    return directory / name_or_path if is_path(name_or_path) else Path(name_or_path)
 
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
@@ -123,7 +124,7 @@ def load_rig(name_or_path: str | Path) -> RigParameters:
 
 def rig_names() -> list[str]:
     """Return the names of the shipped rigs."""
-    return resources.toml_names(resources.RIG_DIRECTORY)
+    return Shipped.RIGS.names()
 
 
 def rig_table(name_or_path: str | Path) -> Table:
@@ -148,7 +149,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
     """Yield path and table of the file of a rig, then of each file that it extends, relative to it."""
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
-        path = resources.toml_file("rig", str(rig_place(below, directory)), resources.RIG_DIRECTORY)
+        path = Shipped.RIGS.file(str(rig_place(below, directory)))
         table = read_toml(path)
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
@@ -177,13 +178,13 @@ def given_settings(
     shipped = True
     if name_or_path is not None:
         path = scenario_file(name_or_path)
-        table, shipped = read_toml(path), path.parent == resources.SCENARIO_DIRECTORY
+        table, shipped = read_toml(path), path.parent == Shipped.SCENARIOS.folder
         if rig is None and isinstance(table.get("rig"), str):
             rig = rig_place(table["rig"], path.parent)
     if rig is not None:
         table = {**table, "rig": {}}
         for path, own in reversed([*rig_files(rig)]):
-            if path.parent != resources.RIG_DIRECTORY:
+            if path.parent != Shipped.RIGS.folder:
                 table["rig"] = merged(table["rig"], own)
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}

@@ -11,7 +11,7 @@ from cranectl.scenario.load import rig_files, rig_table
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import describe, override, parse_settings
 from cranectl.scenario.similarity import check_size, length_scale, scale_of
-from cranectl.support import InputError, leaves, resources
+from cranectl.support import InputError, Shipped, leaves
 
 SCALED, ASSUMED = "scaled", "assumed"
 OF_DRAWINGS = ("look.", "plant.", "model")  # told only where they are stated
@@ -75,7 +75,7 @@ def _stated(name_or_path: str | Path) -> dict[str, str]:
     files = [*rig_files(name_or_path)][::-1]
     stated = {"rated_load": "load_mass"} if "load_mass" in files[0][1] else {}  # as `rig_table` takes it
     for path, table in files:
-        source = path.stem if path.parent == resources.RIG_DIRECTORY else str(path)
+        source = path.stem if path.parent == Shipped.RIGS.folder else str(path)
         stated |= dict.fromkeys((name for name, _ in leaves(table, is_leaf=_is_number)), source)
     return stated
 

@@ -1,5 +1,4 @@
 from . import documents as documents
-from . import resources as resources
 from .arguments import check_fields as check_fields
 from .arguments import check_whole as check_whole
 from .arguments import checked as checked
@@ -122,7 +121,8 @@ from .provenance import provenance_differences as provenance_differences
 from .provenance import source_digests as source_digests
 from .provenance import syntax_of as syntax_of
 from .renamed import renamed_arguments as renamed_arguments
-from .resources import BENCHMARK_DIRECTORY as BENCHMARK_DIRECTORY
+from .resources import Shipped as Shipped
+from .resources import is_path as is_path
 from .search_path import MARK as MARK
 from .search_path import SAFE_PATH as SAFE_PATH
 from .search_path import forget_safe_path as forget_safe_path

@@ -18,7 +18,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from cranectl.support import resources
+from cranectl.support import Shipped
 from cranectl.support.extensions import COUNTED
 
 PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
@@ -39,10 +39,10 @@ def fingerprints() -> dict[str, str]:
     """Return digests of the package's sources, of the models and of the scenarios, campaigns and limits."""
     package = Path(__file__).parents[1]
     sources = (path for path in package.rglob("*.py") if "_data" not in path.parts[len(package.parts) :])
-    models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
+    models, data = Shipped.MODEL_FILE.parent, Shipped.TOLERANCE_FILE.parent
     # Results of a benchmark hold all that its files say: one controller more, or one tuned, changes no other.
     # Proofs are in the checkout only, and no run reads them.
-    apart = {resources.BENCHMARK_DIRECTORY, data / "proofs"}
+    apart = {Shipped.BENCHMARKS.folder, data / "proofs"}
     said = (path for path in data.rglob("*.toml") if apart.isdisjoint(path.parents))
     return {
         "sources": fingerprint(package, sources),

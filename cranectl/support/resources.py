@@ -1,6 +1,8 @@
 """Find the model, scenarios, campaigns and tolerances, in the wheel or in the checkout beside it."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from cranectl.support.errors import InputError, did_you_mean
 from cranectl.support.files import exists
@@ -9,42 +11,63 @@ _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "_data"
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else _PACKAGE.parent
 
-MODEL_FILE = _ROOT / "models" / "crane.xml"
-SCENARIO_DIRECTORY = _ROOT / "validation" / "scenarios"
-RIG_DIRECTORY = _ROOT / "validation" / "rigs"
-TOLERANCE_FILE = _ROOT / "validation" / "tolerances.toml"
-THESIS_DIRECTORY = _ROOT / "validation" / "thesis"
-CAMPAIGN_DIRECTORY = _ROOT / "validation" / "campaigns"
-BENCHMARK_DIRECTORY = _ROOT / "validation" / "benchmark"
-REGRESSION_DIRECTORY = _ROOT / "validation" / "regression"
 
+@dataclass(frozen=True)
+class Shipped:
+    """A kind of document that comes with cranectl: users name it without folder and ending.
 
-def toml_names(directory: Path) -> list[str]:
-    """Return the names of the TOML files in one of the directories above."""
-    return sorted(path.stem for path in directory.glob("*.toml"))
+    Parameters
+    ----------
+    kind : str
+        In messages.
+    folder : Path
+        With a TOML file for each document.
+    """
 
+    kind: str
+    folder: Path
 
-def toml_file(kind: str, name_or_path: str, directory: Path) -> Path:
-    """Return the file of a name in `directory`, or of a path; raise InputError if there is none."""
-    names, path = toml_names(directory), Path(name_or_path)
-    if name_or_path in names:
-        return directory / f"{name_or_path}.toml"
-    if exists(path) and path.is_dir():
+    SCENARIOS: ClassVar["Shipped"]
+    RIGS: ClassVar["Shipped"]
+    CAMPAIGNS: ClassVar["Shipped"]
+    BENCHMARKS: ClassVar["Shipped"]
+    REGRESSIONS: ClassVar["Shipped"]  # tolerances for comparisons with golden logs
+    MODEL_FILE: ClassVar = _ROOT / "models" / "crane.xml"
+    TOLERANCE_FILE: ClassVar = _ROOT / "validation" / "tolerances.toml"
+    THESIS_FOLDER: ClassVar = _ROOT / "validation" / "thesis"
+
+    def names(self) -> list[str]:
+        """Return the names of the documents."""
+        return sorted(path.stem for path in self.folder.glob("*.toml"))
+
+    def file(self, name_or_path: str) -> Path:
+        """Return the file of a name, or of a path; raise InputError if there is none."""
+        names, path = self.names(), Path(name_or_path)
+        if name_or_path in names:
+            return self.folder / f"{name_or_path}.toml"
+        if exists(path) and path.is_dir():
+            raise InputError(
+                f"{name_or_path} is a directory",
+                allowed=f"a {self.kind} by name or the path of its file",
+                remedy="name a file in it, or another",
+            )
+        if exists(path):
+            return path
+        beside = sorted(file.name for file in path.parent.glob("*.toml")) if exists(path.parent) else []
         raise InputError(
-            f"{name_or_path} is a directory",
-            allowed=f"a {kind} by name or the path of its file",
-            remedy="name a file in it, or another",
+            f"cannot read {name_or_path}: no such file or directory"
+            if is_path(name_or_path)
+            else f"unknown {self.kind} '{name_or_path}', which is no file or directory either",
+            allowed=f"the path of a TOML file, or by name {', '.join(names)}",
+            remedy=did_you_mean(path.name, [*names, *beside]) or "choose one of these, or correct the path",
         )
-    if exists(path):
-        return path
-    beside = sorted(file.name for file in path.parent.glob("*.toml")) if exists(path.parent) else []
-    raise InputError(
-        f"cannot read {name_or_path}: no such file or directory"
-        if is_path(name_or_path)
-        else f"unknown {kind} '{name_or_path}', which is no file or directory either",
-        allowed=f"the path of a TOML file, or by name {', '.join(names)}",
-        remedy=did_you_mean(path.name, [*names, *beside]) or "choose one of these, or correct the path",
-    )
+
+
+Shipped.SCENARIOS = Shipped("scenario", _ROOT / "validation" / "scenarios")
+Shipped.RIGS = Shipped("rig", _ROOT / "validation" / "rigs")
+Shipped.CAMPAIGNS = Shipped("campaign", _ROOT / "validation" / "campaigns")
+Shipped.BENCHMARKS = Shipped("benchmark", _ROOT / "validation" / "benchmark")
+Shipped.REGRESSIONS = Shipped("tolerance file", _ROOT / "validation" / "regression")
 
 
 def is_path(name_or_path: str) -> bool:

@@ -110,10 +110,10 @@ def test_a_record_is_enough_to_draw_the_samples_again(name: str) -> None:
 
 
 def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
-    from cranectl.support import resources
+    from cranectl.support.resources import Shipped
 
     path = tmp_path / "mine.toml"
-    shutil.copy(resources.SCENARIO_DIRECTORY / "fast-diagonal.toml", path)
+    shutil.copy(Shipped.SCENARIOS.folder / "fast-diagonal.toml", path)
     manifest = manifest_of(campaign(scenario=str(path)))
     path.unlink()
     assert campaign_of(manifest, "manifest").nominal.name == "fast-diagonal"

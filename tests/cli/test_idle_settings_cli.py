@@ -8,7 +8,7 @@ import click
 import pytest
 
 from cranectl.cli.main import cli, main
-from cranectl.support.resources import MODEL_FILE
+from cranectl.support.resources import Shipped
 from tests.campaign.benchmark.conftest import SHORT as SHORT_SCENARIO
 from tests.campaign.benchmark.conftest import SMALL
 
@@ -53,7 +53,7 @@ MESSAGES = [
     ("plan fixed-position --set design.input_weight=0.2", "design.input_weight changes nothing here"),
     ("design lqr --set rig.load_mass=2.0",
      "rig.load_mass changes nothing here: the command does not read it"),
-    (f"info {MODEL_FILE} --set rig.load_mass=2.0 --set rig.plant.names.load=load",
+    (f"info {Shipped.MODEL_FILE} --set rig.load_mass=2.0 --set rig.plant.names.load=load",
      "default: rig.load_mass changes nothing here: the command does not read it"),
     ("design pid --set disturbances=[{start=0.1,force=[1.0,0.0,0.0]}]",
      "disturbances.0.start, disturbances.0.force"),

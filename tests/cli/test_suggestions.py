@@ -15,7 +15,7 @@ from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
-from cranectl.support.resources import MODEL_FILE
+from cranectl.support.resources import Shipped
 from tests.cli.suggestions import commands_of_page, execute, suggested_commands
 from tests.loaders.controller_files import LAW
 
@@ -202,7 +202,7 @@ def test_the_suggested_drive_option_shows_the_effect_of_its_limits(
     """It is for the plant that has run, the first one of several."""
     fast = ["run", "fast-diagonal", "--controller", "lqr", "--plants", plants, "--out", "a log.mcap"]
     if plants.endswith(".xml"):
-        shutil.copy(MODEL_FILE, plants)
+        shutil.copy(Shipped.MODEL_FILE, plants)
         fast += ["--drive", "velocity"]
     fast += ["--set", "rig.effects.limits.acceleration=[0.1, 0.1, 0.1]"]
     main(fast)

@@ -27,7 +27,7 @@ from cranectl.scenario.load import load_rig, rig_names, scenario_names
 from cranectl.simulate import checked_drive
 from cranectl.simulate.runner import make_plant
 from cranectl.support.errors import InputError
-from cranectl.support.resources import MODEL_FILE
+from cranectl.support.resources import Shipped
 from tests.ranges import ALL, ends
 
 MANY = 400 if ALL else 25
@@ -88,7 +88,7 @@ def test_a_rig_that_is_shown_can_be_written(
 
 def models() -> list[tuple[str, str]]:
     """Return the shipped model, and models of cranes whose masses, gravity and drives have many digits."""
-    text, rng = MODEL_FILE.read_text(), np.random.default_rng(2)
+    text, rng = Shipped.MODEL_FILE.read_text(), np.random.default_rng(2)
     found = [("crane", text)]
 
     def scale(match: re.Match[str]) -> str:

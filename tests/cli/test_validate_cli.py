@@ -16,7 +16,7 @@ from cranectl.compare.agreement import Agreement
 from cranectl.log.reader import read_log
 from cranectl.report.table import Table
 from cranectl.simulate import Run
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from tests.report.test_report import read_page
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -40,7 +40,7 @@ def scenarios(tmp_path: Path) -> None:
 
 
 def shipped(name: str) -> str:
-    return str(resources.SCENARIO_DIRECTORY / f"{name}.toml")
+    return str(Shipped.SCENARIOS.folder / f"{name}.toml")
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from cranectl.support.resources import REGRESSION_DIRECTORY, toml_names
+from cranectl.support.resources import Shipped
 from tests.conftest import ALL_CONTROLLERS, cut
 
 ALPHA_RATE, LOAD_X = 7, 10  # columns of the table
@@ -209,9 +209,9 @@ def test_files_are_read_strictly(tmp_path: Path, text: str, expected: str) -> No
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
 def test_shipped_tolerances_fit_every_controller(short: Scenario, controller: str) -> None:
-    assert toml_names(REGRESSION_DIRECTORY) == ["exact", "rounding"]
+    assert Shipped.REGRESSIONS.names() == ["exact", "rounding"]
     run = simulate_run(short, plant="analytic", controller=controller).every(4)
-    for name in toml_names(REGRESSION_DIRECTORY):
+    for name in Shipped.REGRESSIONS.names():
         assert judge_regression(run, run, load_tolerances(name)).passed
 
 

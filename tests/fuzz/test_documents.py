@@ -14,8 +14,8 @@ from cranectl.compare.golden import load_tolerances
 from cranectl.planning import load_scenario
 from cranectl.plants.steps import substeps
 from cranectl.scenario import Scenario
-from cranectl.support import resources
 from cranectl.support.errors import InputError
+from cranectl.support.resources import Shipped
 from tests.fuzz.oracle import MAX_MESSAGE_LENGTH, UNSAFE_CHARACTERS, call_within, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml_files
 
@@ -42,9 +42,9 @@ def tables(*paths: Path) -> list[Any]:
     return [tomllib.loads(path.read_text(encoding="utf-8")) for path in paths]
 
 
-SCENARIOS = [tomllib.loads(FULL_SCENARIO)] * 4 + tables(*resources.SCENARIO_DIRECTORY.glob("*.toml"))
-CAMPAIGNS = tables(*resources.CAMPAIGN_DIRECTORY.glob("*.toml"))
-TOLERANCES = tables(*resources.REGRESSION_DIRECTORY.glob("*.toml"))
+SCENARIOS = [tomllib.loads(FULL_SCENARIO)] * 4 + tables(*Shipped.SCENARIOS.folder.glob("*.toml"))
+CAMPAIGNS = tables(*Shipped.CAMPAIGNS.folder.glob("*.toml"))
+TOLERANCES = tables(*Shipped.REGRESSIONS.folder.glob("*.toml"))
 RIG = [{"load_mass": 2.0, "gravity": 9.81, "rope_range": [0.05, 1.4], "winch_time_constant": 0.02}]
 MAX_STEPS = 200  # physics steps; longer scenarios are not run
 

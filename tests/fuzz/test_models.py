@@ -7,12 +7,12 @@ from xml.etree import ElementTree
 import pytest
 from hypothesis import strategies as st
 
-from cranectl.support.resources import MODEL_FILE
+from cranectl.support.resources import Shipped
 from tests.fuzz.oracle import check_command, fuzzed
 from tests.fuzz.strategies import damaged
 from tests.plants.own_models import MODELS
 
-SOURCES = {path.name: path.read_bytes() for path in (MODEL_FILE, *sorted(MODELS.glob("*.xml")))}
+SOURCES = {path.name: path.read_bytes() for path in (Shipped.MODEL_FILE, *sorted(MODELS.glob("*.xml")))}
 PARTS = {path.name: path.read_bytes() for path in (MODELS / "parts").iterdir()}
 VALUES = str.split("""0 -1 1 2 0.5 1e-9 1e9 1e300 nan inf -0 true false auto x y z slide hinge free ball
 capsule mesh sphere hook load pivot bridge trolley position velocity motor general RK4 implicit Euler degree
@@ -115,10 +115,10 @@ LINES = {
 def test_whole_models_are_described_or_refused(template: Path, name: str) -> None:
     """The shipped model is run, so that the test below changes something that is accepted."""
     code, _ = check_command(template, ["info", "m.xml"], files={**PARTS, "m.xml": SOURCES[name]})
-    assert code == 0 or name != MODEL_FILE.name
+    assert code == 0 or name != Shipped.MODEL_FILE.name
 
 
 @fuzzed(60, content=edited(), line=st.sampled_from(sorted(LINES)))
 def test_edited_models_are_run_or_refused(template: Path, content: bytes, line: str) -> None:
-    files = {**PARTS, "crane.xml": SOURCES[MODEL_FILE.name], "m.xml": content}
+    files = {**PARTS, "crane.xml": SOURCES[Shipped.MODEL_FILE.name], "m.xml": content}
     check_command(template, LINES[line], files=files)

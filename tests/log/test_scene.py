@@ -23,7 +23,8 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import colours, resources
+from cranectl.support import colours
+from cranectl.support.resources import Shipped
 from tests.conftest import closed_loop, cut
 from tests.log.viewer import message_type
 
@@ -120,7 +121,7 @@ def test_the_load_rotates_about_alpha_first(short: Scenario, tmp_path: Path) -> 
     run = simulate_run(short, plant="analytic")
     run.table[:, [6, 8]] = 0.4, -0.7  # alpha, beta
     tree = decode(write_log(tmp_path / "a.mcap", [run]))["/tf"][0][1]
-    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
     data = mujoco.MjData(model)
     for name, value in (("alpha", 0.4), ("beta", -0.7)):
         data.joint(name).qpos = value

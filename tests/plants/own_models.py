@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from cranectl.scenario.rig import ModelNames
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 
 MODELS = Path(__file__).parent / "models"
 HALL_NAMES = ModelNames(pivot="sheave", load="hook", bridge_drive="LT", trolley_drive="CT", winch_drive="H")
@@ -68,12 +68,12 @@ def changed(model: Path, folder: Path, *changes: tuple[str, str], name: str = "m
 
 def crane_with(folder: Path, *changes: tuple[str, str], name: str = "mine") -> Path:
     """Write the shipped model with `changes`."""
-    return changed(resources.MODEL_FILE, folder, *changes, name=name)
+    return changed(Shipped.MODEL_FILE, folder, *changes, name=name)
 
 
 def servos(kind: str) -> list[tuple[str, str]]:
     """Return the changes that replace the drives of the shipped model."""
-    text = resources.MODEL_FILE.read_text()
+    text = Shipped.MODEL_FILE.read_text()
     joints = {"bridge": "bridge_position", "trolley": "trolley_position", "winch": "rope_length"}
     gains = ' kp="900" kv="90"' if kind == "position" else ""
     return [

@@ -17,8 +17,8 @@ from cranectl.plants.registry import PLANTS, default_plants
 from cranectl.plants.trials import ProbeRun, _outcome
 from cranectl.scenario.rig import PlantSettings, RigParameters
 from cranectl.simulate import simulate_run
-from cranectl.support import resources
 from cranectl.support.errors import InputError
+from cranectl.support.resources import Shipped
 from tests.plants.own_models import (
     HALL_NAMES,
     MODELS,
@@ -142,9 +142,7 @@ def test_a_number_of_the_rig_may_be_rounded(
 
 def test_the_numbers_of_a_model_are_not_rounded(tmp_path: Path) -> None:
     """So a rig may state them exactly: a gain of 60 N s/m moves 2.5 kg with a lag of 2.5 / 60 s."""
-    (drive,) = re.findall(
-        r'<(?:velocity|general) name="trolley_drive"[^>]*>', resources.MODEL_FILE.read_text()
-    )
+    (drive,) = re.findall(r'<(?:velocity|general) name="trolley_drive"[^>]*>', Shipped.MODEL_FILE.read_text())
     slower = '<velocity name="trolley_drive" joint="trolley_position" kv="60"/>'
     model = crane_with(tmp_path, (drive, slower))
     lag = examine(str(model), RigParameters()).fixed["trolley_time_constant"]

@@ -28,9 +28,9 @@ from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
-from cranectl.support import resources
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
+from cranectl.support.resources import Shipped
 from tests.packages import run_all_beside
 from tests.plants.own_models import MODELS, RIGS, UNDISTURBED, changed, crane_with, servos, write_hall
 
@@ -266,7 +266,7 @@ def test_commands_work_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
-    name = plant_named(str(resources.MODEL_FILE))
+    name = plant_named(str(Shipped.MODEL_FILE))
     scenario = load_scenario("fixed-position")
     design = controller_design("lqr", scenario)
     session = Session(scenario, design, plants=[name], drive="velocity")

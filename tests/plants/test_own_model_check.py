@@ -8,7 +8,7 @@ import pytest
 from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.scenario.rig import ModelNames
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from tests.plants.own_models import MODELS, NAMES, changed, crane_with
 
 WIRE = (
@@ -85,7 +85,7 @@ def test_each_difference_is_named_with_its_size(
 ) -> None:
     old, new, what, size, cause = mutant
     shutil.copytree(MODELS / "parts", tmp_path / "parts")
-    model = resources.MODEL_FILE if name == "crane" else MODELS / f"{name}.xml"
+    model = Shipped.MODEL_FILE if name == "crane" else MODELS / f"{name}.xml"
     differences = differences_of(changed(model, tmp_path, (old, new)), name)
     (difference,) = [difference for difference in differences if difference.what == what]
     assert difference.size == pytest.approx(size, rel=0.5)
@@ -95,7 +95,7 @@ def test_each_difference_is_named_with_its_size(
 def test_three_cranes_do_not_differ(tmp_path: Path) -> None:
     """Nor does one with an actuator that nobody commands, and with end stops at the place of the file."""
     idle = ('<velocity name="bridge_drive"', '<motor name="idle" joint="beta"/><velocity name="bridge_drive"')
-    for file in (resources.MODEL_FILE, crane_with(tmp_path, idle), MODELS / "tendon.xml"):
+    for file in (Shipped.MODEL_FILE, crane_with(tmp_path, idle), MODELS / "tendon.xml"):
         assert differences_of(file) == ()
     assert differences_of(MODELS / "hall.xml", "hall") == ()
 

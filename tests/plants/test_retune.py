@@ -10,7 +10,7 @@ from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from tests.plants.cranes import make, simulate
 
 
@@ -109,5 +109,5 @@ def test_another_structure_takes_another_model() -> None:
 
 
 def test_the_file_draws_the_rope_as_long_as_the_code_says() -> None:
-    filed = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    filed = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
     assert filed.joint("rope_length").qpos0[0] == DRAWN_LENGTH

@@ -12,7 +12,7 @@ from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, simulate_run
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from tests.scenario.test_drawn_size import similar
 
 WIDTH, HEIGHT = 480, 360
@@ -41,7 +41,7 @@ def draw(
 
 def pixel(point: np.ndarray, camera: str = "overview", scale: int = 1) -> tuple[int, int]:
     """Return row and column of a point in space in a picture of `scale`, by the camera of the model file."""
-    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
     eye = model.camera(camera)
     turned = np.zeros(9)
     mujoco.mju_quat2Mat(turned, eye.quat)

@@ -11,8 +11,8 @@ from cranectl.render.draw import CAMERAS
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.signals import TENSION_COLUMN
-from cranectl.support import resources
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
+from cranectl.support.resources import Shipped
 from tests.render.pictures import (
     HEIGHT,
     WIDTH,
@@ -86,7 +86,7 @@ def test_a_ghost_has_the_shape_of_its_own_rig() -> None:
 
 def test_the_solid_crane_of_an_overlay_has_the_colour_of_its_bridge_in_the_legend() -> None:
     timeline = timeline_of({"one": moving_run("mujoco"), "two": moving_run("mujoco")})
-    bridge = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE)).material("bridge").rgba[:3]
+    bridge = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE)).material("bridge").rgba[:3]
     assert [nearness(255.0 * bridge, track.colour) > 0.5 for track in timeline.tracks] == [True, False]
 
 
@@ -180,7 +180,7 @@ def test_the_scale_bar_has_its_stated_length_and_place(camera: str, times: float
 
 
 def test_a_load_behind_the_near_post_is_visible() -> None:
-    model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
     eye, post = model.camera("overview").pos, model.geom("post_10").pos
     place = eye + (0.77 - eye[1]) / (post[1] - eye[1]) * (post - eye)
     run = moving_run("mujoco")

@@ -7,12 +7,12 @@ import pytest
 from cranectl.plants.mujoco.model import ACTUATORS, DRIVEN_JOINTS, model_spec
 from cranectl.scenario.effects import Body, EffectSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 
 
 @pytest.fixture(scope="module")
 def filed() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+    return mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
 
 
 def test_file_and_parameters_agree(filed: mujoco.MjModel) -> None:

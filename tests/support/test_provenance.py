@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support import resources
 from cranectl.support.provenance import (
     FINGERPRINTS,
     PACKAGES,
@@ -17,6 +16,7 @@ from cranectl.support.provenance import (
     provenance,
     provenance_differences,
 )
+from cranectl.support.resources import Shipped
 from tests.conftest import ROOT
 
 ASKED = "import json; from cranectl.support.provenance import fingerprints; print(json.dumps(fingerprints()))"
@@ -81,14 +81,14 @@ def test_everything_shipped_is_covered() -> None:
     Pictures, schemas, what the benchmark has found decide nothing; laws, some in C, have their own digests.
     """
     assert {"mujoco", "numba", "llvmlite", "numpy", "scipy", "control", "ctrlsys"} <= set(PACKAGES)
-    models, data = resources.MODEL_FILE.parent, resources.TOLERANCE_FILE.parent
+    models, data = Shipped.MODEL_FILE.parent, Shipped.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
     assert kinds == {".xml"}
     shipped = [path for path in data.rglob("*") if path.is_file() and "__pycache__" not in path.parts]
     found = {path for path in shipped if path.suffix == ".parquet"}
-    assert all(path.is_relative_to(resources.BENCHMARK_DIRECTORY) for path in found)
+    assert all(path.is_relative_to(Shipped.BENCHMARKS.folder) for path in found)
     assert {path.suffix for path in {*shipped} - found} == {".toml", ".py", ".svg", ".json", ".c"}
-    for place in (resources.SCENARIO_DIRECTORY, resources.THESIS_DIRECTORY, resources.CAMPAIGN_DIRECTORY):
+    for place in (Shipped.SCENARIOS.folder, Shipped.THESIS_FOLDER, Shipped.CAMPAIGNS.folder):
         assert place.is_relative_to(data)
 
 

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from cranectl.thesis.page import DIAGRAMS, diagram_svg
 from tests.conftest import ROOT
 
@@ -80,7 +80,7 @@ def test_the_shipped_diagrams_are_those_that_the_program_draws(tmp_path: Path) -
     subprocess.run([sys.executable, str(DRAW), str(tmp_path)], cwd=ROOT, check=True)
     drawn, shipped = (
         {path.name: path.read_text(encoding="utf-8") for path in place.iterdir()}
-        for place in (tmp_path, resources.THESIS_DIRECTORY / "diagrams")
+        for place in (tmp_path, Shipped.THESIS_FOLDER / "diagrams")
     )
     assert set(shipped) == {f"{number}.svg" for number in DIAGRAMS}
     assert drawn == shipped, "run `python validation/thesis/drawing/draw.py`"

@@ -20,13 +20,13 @@ from cranectl.cli.main import main
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.report.page import render
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from cranectl.thesis.page import FIRST_FIGURE, ChapterFigures, thesis_page
 from cranectl.thesis.reproduction import CONTROLLERS, Number, Reproduction, reproduce, total_simulated_seconds
 from tests.conftest import ROOT, closed_loop
 from tests.report.test_report import read_page
 
-PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
+PRINTED = tomllib.loads((Shipped.THESIS_FOLDER / "printed.toml").read_text(encoding="utf-8"))
 TABLE_5_1, TABLE_5_4 = (PRINTED["tables"][name]["rows"] for name in ("5.1", "5.4"))
 
 

@@ -29,8 +29,8 @@ from cranectl.simulate import make_plant, plan_scenario, prepare_controller
 from cranectl.simulate.open_runs import OpenRuns, open_runs
 from cranectl.simulate.run import record_width
 from cranectl.simulate.runner import start_run, stream_run
-from cranectl.support import resources
 from cranectl.support.jit import jit
+from cranectl.support.resources import Shipped
 from validation.performance import other_implementations as other
 from validation.performance.figures import Measurement, compare_best, ratios_of, summarise, time_alternately
 
@@ -87,7 +87,7 @@ class BareSteps:
         scenario = load_scenario(SCENARIO)
         self.steps, state = scenario.steps + 1, plan_scenario(scenario).initial_state
         if from_file:
-            self.model = mujoco.MjModel.from_xml_path(str(resources.MODEL_FILE))
+            self.model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
         else:
             self.model = compiled_model(scenario.rig, DRIVE, 1e-3)
         state[7], state[9] = 0.5, 0.5  # [rad/s], because the engine is faster if nothing moves

@@ -30,8 +30,8 @@ from cranectl.model.flatness import flat_output, slopes_from_angles
 from cranectl.planning import load_scenario
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
-from cranectl.support import resources
 from cranectl.support.jit import jit
+from cranectl.support.resources import Shipped
 from cranectl.thesis.reproduction import CONTROLLERS
 
 Array = NDArray[np.float64]
@@ -386,15 +386,13 @@ HYPOTHESES = (
 
 def printed() -> dict[str, Array]:
     """Return the printed tables by name, with rows in the order of CONTROLLERS."""
-    tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))[
-        "tables"
-    ]
+    tables = tomllib.loads((Shipped.THESIS_FOLDER / "printed.toml").read_text(encoding="utf-8"))["tables"]
     return {name: np.array([table["rows"][c] for c in CONTROLLERS]) for name, table in tables.items()}
 
 
 def printed_gammas() -> dict[str, float]:
     """Return the printed norms of section 5.2.1 by controller."""
-    norms = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["norms"]
+    norms = tomllib.loads((Shipped.THESIS_FOLDER / "printed.toml").read_text(encoding="utf-8"))["norms"]
     return {entry["controller"]: entry["gamma"] for entry in norms}
 
 

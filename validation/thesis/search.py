@@ -21,8 +21,8 @@ from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import resources
 from cranectl.support.errors import InputError
+from cranectl.support.resources import Shipped
 
 END_Y, END_Z = 0.77, -0.7  # [m] of the line
 TIME_LAWS = ("degree-5", "degree-9")
@@ -64,7 +64,7 @@ def readings() -> list[Reading]:
 
 def printed() -> dict[str, np.ndarray]:
     """Return the bridge and trolley columns of Table 5.3 by controller."""
-    tables = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))
+    tables = tomllib.loads((Shipped.THESIS_FOLDER / "printed.toml").read_text(encoding="utf-8"))
     return {name: np.array(row[:2]) for name, row in tables["tables"]["5.3"]["rows"].items()}
 
 

@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from cranectl.plants import Drive
 from cranectl.scenario import RuleError, Settings, parse_settings
-from cranectl.support import MAX_DRAWS, MAX_RUNS, read_toml, resources
+from cranectl.support import MAX_DRAWS, MAX_RUNS, Shipped, read_toml
 
 # Prefixes of the names of generated sets: for the robustness radius, and with one uncertainty each.
 RADIUS_PREFIX, SINGLE_PREFIX = "spread-", "only-"
@@ -199,7 +199,7 @@ class Benchmark(Settings):
 
 def benchmark_file(name_or_path: str) -> Path:
     """Return the file of a benchmark; raise InputError if there is none."""
-    return resources.toml_file("benchmark", name_or_path, resources.BENCHMARK_DIRECTORY)
+    return Shipped.BENCHMARKS.file(name_or_path)
 
 
 def read_benchmark(name_or_path: str) -> Benchmark:

@@ -22,7 +22,7 @@ from cranectl.scenario import (
     drawn_reach,
     drawn_scale,
 )
-from cranectl.support import Array, resources
+from cranectl.support import Array, Shipped
 
 # Shapes that are drawn, by MuJoCo's type. Planes are infinite and left out.
 KINDS = {
@@ -70,7 +70,7 @@ class Solid:
 
 def drawn_spec(rig: RigParameters) -> mujoco.MjSpec:
     """Return the model file, its geometry scaled to `rig`; masses and drives stay those of the file."""
-    spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
+    spec = mujoco.MjSpec.from_file(str(Shipped.MODEL_FILE))
     draw_to_scale(spec, rig)
     return spec
 

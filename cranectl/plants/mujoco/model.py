@@ -25,7 +25,7 @@ from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
 from cranectl.scenario import NO_EFFECTS, Effect, EffectSettings, RigParameters
-from cranectl.support import resources
+from cranectl.support import Shipped
 
 JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)
 BODIES = ("bridge", "trolley", "load")
@@ -67,7 +67,7 @@ def model_spec(
     rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
 ) -> mujoco.MjSpec:
     """Return the model of one run: parameters, drives, effects and physics step [s] are set."""
-    spec = mujoco.MjSpec.from_file(str(resources.MODEL_FILE))
+    spec = mujoco.MjSpec.from_file(str(Shipped.MODEL_FILE))
     spec.option.timestep = step
     # The joint ranges of the file are the rig's end stops. The run judges violations, in the same way for all
     # plants. So a run that records violations must not hit a wall on this plant only.

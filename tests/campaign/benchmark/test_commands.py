@@ -13,7 +13,7 @@ import pytest
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.benchmark import _table_place
 from cranectl.support.documents import leaves, read_toml
-from cranectl.support.resources import BENCHMARK_DIRECTORY
+from cranectl.support.resources import Shipped
 from tests.campaign.benchmark.conftest import SHORT
 from tests.cli.suggestions import commands_of_page, execute
 from tests.conftest import ROOT
@@ -313,7 +313,7 @@ def test_error_tells_where_the_judged_table_is(monkeypatch: pytest.MonkeyPatch, 
     """An installed package has no judged table. A copy from a checkout works by its path."""
     installed = Path("installed").resolve()
     installed.mkdir()
-    shutil.copy(BENCHMARK_DIRECTORY / "literature.toml", installed)
+    shutil.copy(Shipped.BENCHMARKS.folder / "literature.toml", installed)
     monkeypatch.setattr("cranectl.cli.benchmark.BENCHMARK_DIRECTORY", installed)
     message = refused("cranectl benchmark report literature.parquet")
     assert "the judged table literature.parquet is in cranectl's repository" in message

@@ -12,8 +12,8 @@ from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
 from cranectl.loaders.opening import open_controller
 from cranectl.plants.steps import physics_step
-from cranectl.support import resources
 from cranectl.support.errors import InputError
+from cranectl.support.resources import Shipped
 
 
 def test_cranes_are_the_same_for_all_controllers_plants_and_counts(benchmark: Benchmark) -> None:
@@ -131,7 +131,7 @@ def test_validation_does_not_use_the_cranes_of_the_ranking(small: Path) -> None:
         read_benchmark(str(small))
 
 
-@pytest.mark.parametrize("name", resources.toml_names(resources.BENCHMARK_DIRECTORY))
+@pytest.mark.parametrize("name", Shipped.BENCHMARKS.names())
 def test_shipped_benchmarks_can_be_run(name: str) -> None:
     benchmark = read_benchmark(name)
     assert benchmark.baseline in benchmark.laws

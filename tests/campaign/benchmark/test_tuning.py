@@ -23,9 +23,9 @@ from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
 from cranectl.planning import load_scenario
-from cranectl.support import resources
 from cranectl.support.documents import read_toml
 from cranectl.support.errors import InputError, MachineError
+from cranectl.support.resources import Shipped
 from tests.benchmark.conftest import close_opened_controllers
 from tests.campaign.benchmark.tiny import write_tiny
 from tests.cli.suggestions import execute, suggested_commands
@@ -270,7 +270,7 @@ def test_tuning_errors(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_path_that_leaves_the_package_is_not_trusted(tmp_path: Path) -> None:
     write_tiny(tmp_path)
-    folder = resources.BENCHMARK_DIRECTORY
+    folder = Shipped.BENCHMARKS.folder
     file = folder / os.path.relpath(tmp_path / "tiny.toml", folder.resolve())
     with pytest.raises(InputError, match="add --trust"):
         measured_controllers(read_benchmark(str(file)))

@@ -10,10 +10,10 @@ from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.metrics import run_metrics
 from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
-from cranectl.support import resources
+from cranectl.support.resources import Shipped
 from validation.thesis.errata.registry import erratum, excess_over, max_difference, shaped_plant
 
-PRINTED = tomllib.loads((resources.THESIS_DIRECTORY / "printed.toml").read_text(encoding="utf-8"))["tables"]
+PRINTED = tomllib.loads((Shipped.THESIS_FOLDER / "printed.toml").read_text(encoding="utf-8"))["tables"]
 
 
 @functools.cache
