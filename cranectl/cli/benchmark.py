@@ -11,10 +11,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
-from cranectl.cli.counts import count_option
+from cranectl.cli.counts import MAX_WORKERS, count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
-from cranectl.support import MAX_DRAWS, MAX_WORKERS, FileKind, InputError, Shipped, exists
+from cranectl.support import MAX_DRAWS, FileKind, InputError, Shipped, exists
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.settings import Benchmark

@@ -7,6 +7,11 @@ import click
 
 from cranectl.support import MAX_RUNS, InputError, printable
 
+MAX_WORKERS = 1024  # threads or processes
+MAX_REPLAYS = 1000  # logs of a campaign's worst runs
+MAX_SEED = 2**63 - 1
+MAX_PORT = 2**16 - 1
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 

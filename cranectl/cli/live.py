@@ -10,10 +10,10 @@ import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
-from cranectl.cli.counts import Count
+from cranectl.cli.counts import MAX_PORT, Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support import MAX_PORT, FileKind, heed_interrupts, interrupt, printable, write_text, writing
+from cranectl.support import FileKind, heed_interrupts, interrupt, printable, write_text, writing
 
 HERE = ("127.0.0.1", "localhost", "::1")
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli.command import PATH, Command
-from cranectl.cli.counts import Count
-from cranectl.support import MAX_SEED, InputError, exists, write_text, writing
+from cranectl.cli.counts import MAX_SEED, Count
+from cranectl.support import InputError, exists, write_text, writing
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table

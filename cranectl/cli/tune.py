@@ -9,10 +9,9 @@ from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.command import Command, directory_option, json_option
 from cranectl.cli.completion import complete_controllers
 from cranectl.cli.controller_options import timeout_option, trust_option
-from cranectl.cli.counts import count_option
+from cranectl.cli.counts import MAX_WORKERS, count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.support import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.tuning import Tuned

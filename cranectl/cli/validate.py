@@ -11,12 +11,12 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
-from cranectl.cli.counts import count_option
+from cranectl.cli.counts import MAX_WORKERS, count_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.measured import is_measured, judge_runs
 from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
-from cranectl.support import MAX_WORKERS, FileKind, InputError, exists
+from cranectl.support import FileKind, InputError, exists
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep

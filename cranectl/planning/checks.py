@@ -8,7 +8,9 @@ import numpy as np
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
 from cranectl.scenario import MAX_DURATION, Scenario, is_planned, scenarios_in
-from cranectl.support import MAX_PLANNED, Array, InputError
+from cranectl.support import Array, InputError
+
+MAX_PLANNED = 200  # segments of a scenario whose timing is planned
 
 MAX_TRIED_DURATION = 1e4  # [s]; longer than a run may be, since the search may still find a faster motion
 REMEDIES = {

@@ -28,7 +28,6 @@ from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
 from cranectl.support import (
-    MAX_CRANES,
     UNCOMPILED,
     Array,
     InputError,
@@ -43,6 +42,8 @@ from cranectl.support import (
     type_of,
     unpacker,
 )
+
+MAX_CRANES = 100_000  # that a program steps together
 
 RUNNING = int(RunStatus.RUNNING)
 ROWS = 256  # samples of a crane that are computed at a time

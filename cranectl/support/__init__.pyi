@@ -27,15 +27,8 @@ from .compiled_step import CompiledStep as CompiledStep
 from .compiled_step import report_failure as report_failure
 from .consistency import check_ascending as check_ascending
 from .consistency import check_sum as check_sum
-from .counts import MAX_CRANES as MAX_CRANES
 from .counts import MAX_DRAWS as MAX_DRAWS
-from .counts import MAX_OPERATING_POINTS as MAX_OPERATING_POINTS
-from .counts import MAX_PLANNED as MAX_PLANNED
-from .counts import MAX_PORT as MAX_PORT
-from .counts import MAX_REPLAYS as MAX_REPLAYS
 from .counts import MAX_RUNS as MAX_RUNS
-from .counts import MAX_SEED as MAX_SEED
-from .counts import MAX_WORKERS as MAX_WORKERS
 from .directories import temporary_directory as temporary_directory
 from .documents import MAX_DEPTH as MAX_DEPTH
 from .documents import Table as Table

@@ -54,7 +54,7 @@ def fingerprints() -> dict[str, str]:
 @functools.cache
 def extensions() -> dict[str, str]:
     """Return versions of the packages that add metrics or plants, and digests of their sources."""
-    entries = [entry for each in COUNTED for entry in importlib.metadata.entry_points(group=each.group)]
+    entries = [entry for point in COUNTED for entry in importlib.metadata.entry_points(group=point.group)]
     versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
     return versions | source_digests(entry.module for entry in entries)
 

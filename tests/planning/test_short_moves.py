@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario, minimum_time, programs
+from cranectl.planning.checks import MAX_PLANNED
 from cranectl.planning.limits import limits_of
 from cranectl.planning.minimum_time import SPANS, _thin
 from cranectl.planning.plan import plan_move, plan_segments
@@ -12,7 +13,6 @@ from cranectl.planning.programs import MAX_PROGRAMS, ProgramBudget
 from cranectl.planning.proof import MAX_PIECES, Proof, Violation, polynomial_pieces, prove
 from cranectl.scenario import Scenario
 from cranectl.scenario.segments import Move, Spline, seconds
-from cranectl.support.counts import MAX_PLANNED
 from cranectl.support.errors import InputError
 from tests.planning.linear_crane import Axis, least_time, longest_distance
 from tests.planning.own_crane import evaluate

@@ -11,7 +11,7 @@ import cranectl
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.scenario import Scenario
 from cranectl.simulate.memory import check_several_plans
-from cranectl.support.counts import MAX_CRANES
+from cranectl.simulate.open_runs import MAX_CRANES
 from cranectl.support.documents import MAX_DOCUMENT_BYTES
 from cranectl.support.errors import InputError
 

@@ -36,7 +36,9 @@ from cranectl.plants import (
 )
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA, ROPE
-from cranectl.support import MAX_OPERATING_POINTS, Array, InputError
+from cranectl.support import Array, InputError
+
+MAX_OPERATING_POINTS = 2000  # of a certificate
 
 MAX_SINE = 0.9999  # of alpha; at 1 the flat controller is singular
 

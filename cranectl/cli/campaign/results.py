@@ -9,9 +9,9 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.campaign.options import Judgement, judgement_options
 from cranectl.cli.controller_options import controllers_option
-from cranectl.cli.counts import count_option
+from cranectl.cli.counts import MAX_REPLAYS, count_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
-from cranectl.support import MAX_REPLAYS, FileKind
+from cranectl.support import FileKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

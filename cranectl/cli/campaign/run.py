@@ -13,9 +13,8 @@ from cranectl.cli import exit_codes
 from cranectl.cli.campaign.options import Judgement, campaign_argument, judgement_options
 from cranectl.cli.command import Command, arguments_given, directory_option, json_option
 from cranectl.cli.controller_options import timeout_option
-from cranectl.cli.counts import count_option
+from cranectl.cli.counts import MAX_WORKERS, count_option
 from cranectl.cli.output import Screen, progress
-from cranectl.support import MAX_WORKERS
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
