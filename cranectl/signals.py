@@ -7,6 +7,7 @@ The origin of the world frame is a corner of the rig at trolley height. On the l
 import functools
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,22 +273,41 @@ def recorded_groups(
     return (*COMMON, *controller_groups, *path, *((LOAD_FORCE,) if forced else ()))
 
 
-# First column of each group, where the compiled loops write its block.
-_STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
-STATE_COLUMN, LOAD_COLUMN, INPUT_COLUMN, DISTURBANCE_COLUMN = _STARTS[:4]
-FLAT_OUTPUT_COLUMN, ERROR_COLUMN, VIRTUAL_INPUT_COLUMN, CONTROLLER_COLUMN = _STARTS[4:-1]
 # Indices within groups for kernels: in the state, of axes, and of derivatives, which have three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
 X, Y, Z = range(len(AXES))
 POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES))
 TENSION = LOAD.names.index("rope_tension")  # index in the group of the load
-TENSION_COLUMN = LOAD_COLUMN + TENSION
-BASE_WIDTH = _STARTS[-1]  # columns of the flat tracker without robustifier states
-CONTROLLER_LOAD_COLUMN = FLAT_OUTPUT_COLUMN  # others record the load here, then errors and own signals
-CONTROLLER_ERROR_COLUMN = CONTROLLER_LOAD_COLUMN + 6
-CONTROLLER_SIGNALS_COLUMN = CONTROLLER_ERROR_COLUMN + 6
-COMMAND_COLUMN = len(MEASUREMENT)  # in the record of the signal path
-PATH_WIDTH = len(MEASUREMENT) + len(command_group("acceleration"))
+
+
+class RecordColumns(NamedTuple):
+    """First columns of what the compiled loops write into a record."""
+
+    state: int
+    load: int
+    input: int
+    disturbance: int
+    flat_output: int  # of the flat tracker, as all that follows; other controllers record the load here
+    error: int
+    virtual_input: int
+    controller: int
+    width: int  # of a record of the flat tracker without states of a robustifier
+    tension: int
+    own_error: int  # of other controllers
+    own_signals: int
+
+
+class PathColumns(NamedTuple):
+    """First column of the commands in the record of a signal path, and the width of that record."""
+
+    command: int
+    width: int
+
+
+_STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
+_OWN = _STARTS[len(COMMON)]  # of what a controller adds
+COLUMN = RecordColumns._make((*_STARTS, _STARTS[COMMON.index(LOAD)] + TENSION, _OWN + 6, _OWN + 12))
+PATH = PathColumns(len(MEASUREMENT), len(MEASUREMENT) + len(command_group("acceleration")))
 
 # Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
 WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")

@@ -50,10 +50,10 @@ MOON = cranectl.PlantEntry(
 """
 METRIC = """\
 from cranectl.metrics import Metric, Row
-from cranectl.signals import LOAD_COLUMN
+from cranectl.signals import COLUMN
 
 def highest(setup, own, time_ns, record, reference, commands):
-    own[0] = record[:, LOAD_COLUMN + 2].max(initial=own[0])
+    own[0] = record[:, COLUMN.load + 2].max(initial=own[0])
 
 HIGHEST = Metric(
     name="highest_load_m", symbol="z_max", unit="m", meaning="highest position of the load",

@@ -23,18 +23,11 @@ from cranectl.signals import (
     ALPHA_RATE,
     BETA,
     BETA_RATE,
-    CONTROLLER_COLUMN,
-    DISTURBANCE_COLUMN,
-    ERROR_COLUMN,
-    FLAT_OUTPUT_COLUMN,
-    INPUT_COLUMN,
+    COLUMN,
     JERK,
-    LOAD_COLUMN,
     ROPE,
     ROPE_RATE,
     SNAP,
-    STATE_COLUMN,
-    VIRTUAL_INPUT_COLUMN,
     X,
     Y,
     Z,
@@ -108,25 +101,25 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
 def record_rows(loop, rig, states, reference, disturbance, wind, record):
     """Write `record` at the sampled `states`; return the number of complete rows and the final status."""
     rate, flat, outputs = np.zeros(states.shape[1]), np.zeros(15), np.zeros(9)
-    n, width = loop.b.shape[0], (record.shape[1] - CONTROLLER_COLUMN - 2) // 3
+    n, width = loop.b.shape[0], (record.shape[1] - COLUMN.controller - 2) // 3
     for k in range(len(states)):
         state, row = states[k], record[k]
         status = regularity(state[:10], state[EXTENSION], loop.gravity)
         if status != RUNNING:
             return k, status
         closed_loop_derivative(loop, state, reference[k], disturbance[k], rate, flat, outputs)
-        row[STATE_COLUMN : STATE_COLUMN + 10] = state[:10]
-        row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15] = flat
-        row[ERROR_COLUMN : ERROR_COLUMN + 12] = reference[k, :12] - flat[:12]
-        row[INPUT_COLUMN : INPUT_COLUMN + 3] = outputs[:3]
-        row[INPUT_COLUMN + 3 : INPUT_COLUMN + 6] = state[1:6:2]
-        row[VIRTUAL_INPUT_COLUMN : VIRTUAL_INPUT_COLUMN + 6] = outputs[3:]
-        row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = disturbance[k]
-        row[CONTROLLER_COLUMN : CONTROLLER_COLUMN + 2] = state[EXTENSION:ROBUSTIFIER]
+        row[COLUMN.state : COLUMN.state + 10] = state[:10]
+        row[COLUMN.flat_output : COLUMN.flat_output + 15] = flat
+        row[COLUMN.error : COLUMN.error + 12] = reference[k, :12] - flat[:12]
+        row[COLUMN.input : COLUMN.input + 3] = outputs[:3]
+        row[COLUMN.input + 3 : COLUMN.input + 6] = state[1:6:2]
+        row[COLUMN.virtual_input : COLUMN.virtual_input + 6] = outputs[3:]
+        row[COLUMN.disturbance : COLUMN.disturbance + 2] = disturbance[k]
+        row[COLUMN.controller : COLUMN.controller + 2] = state[EXTENSION:ROBUSTIFIER]
         for axis in range(3):
-            first, own = CONTROLLER_COLUMN + 2 + axis * width, ROBUSTIFIER + axis * n
+            first, own = COLUMN.controller + 2 + axis * width, ROBUSTIFIER + axis * n
             row[first : first + n] = state[own : own + n]
-        load = row[LOAD_COLUMN : LOAD_COLUMN + 7]
+        load = row[COLUMN.load : COLUMN.load + 7]
         observe_load(rig, state[:10], outputs[:3], wind[k], load)
         if load[6] <= 0.0:
             return k + 1, SLACK_ROPE

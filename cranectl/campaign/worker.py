@@ -14,7 +14,7 @@ from cranectl.controllers import CompiledController, controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants import Plant, check_scenario, substeps
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import PATH_WIDTH
+from cranectl.signals import PATH
 from cranectl.simulate import (
     Block,
     PlannedReference,
@@ -119,7 +119,7 @@ class Worker:
         self._prepared = prepared
         self._plants: dict[tuple[str, int, int], Plant] = {}  # by name, control period, steps in it
         self._records: dict[int, Array] = {}  # by number of columns
-        self._path_record = np.zeros((BLOCK, PATH_WIDTH))
+        self._path_record = np.zeros((BLOCK, PATH.width))
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; repeat a run if the machine fails, for example for lack of memory.

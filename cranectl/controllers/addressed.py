@@ -17,12 +17,7 @@ from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.preparation import prepared
 from cranectl.model import AxisMasses, axis_masses, flat_output
-from cranectl.signals import (
-    CONTROLLER_ERROR_COLUMN,
-    CONTROLLER_LOAD_COLUMN,
-    CONTROLLER_SIGNALS_COLUMN,
-    INPUT_COLUMN,
-)
+from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
 from cranectl.support import (
     STEP,
@@ -172,14 +167,14 @@ def record_controller(compiled, state, reference, memory, row):
     if compiled.records_all:
         first = memory.shape[0] - recorded
         for i in range(recorded):
-            row[CONTROLLER_LOAD_COLUMN + i] = memory[first + i]
+            row[COLUMN.flat_output + i] = memory[first + i]
         return
     flat_output(state, 0.0, 0.0, 0.0, compiled.scratch)
     for i in range(6):
-        row[CONTROLLER_LOAD_COLUMN + i] = compiled.scratch[i]
-        row[CONTROLLER_ERROR_COLUMN + i] = reference[i] - compiled.scratch[i]
+        row[COLUMN.flat_output + i] = compiled.scratch[i]
+        row[COLUMN.own_error + i] = reference[i] - compiled.scratch[i]
     for i in range(recorded):
-        row[CONTROLLER_SIGNALS_COLUMN + i] = memory[compiled.places[i]]
+        row[COLUMN.own_signals + i] = memory[compiled.places[i]]
 
 
 @jit
@@ -204,7 +199,7 @@ def addressed_step(compiled, state, reference, memory, row):
             if not isfinite(compiled.command[i]):
                 return CONTROLLER_FAILED
     for i in range(3):
-        row[INPUT_COLUMN + i] = compiled.command[i]
+        row[COLUMN.input + i] = compiled.command[i]
     compiled.clock[0] += 1
     record_controller(compiled, state, reference, memory, row)
     return RUNNING

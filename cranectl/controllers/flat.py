@@ -17,20 +17,7 @@ from cranectl.controllers.controller import ROPE_SLACK, SLACK_ENDS_RUN, Controll
 from cranectl.controllers.slots import Slots
 from cranectl.design import TITLES, Design, check_sampled, design_controller, sampled_blocks, sampled_loop
 from cranectl.model import flat_output, linearising_input
-from cranectl.signals import (
-    ACCELERATION,
-    ALPHA,
-    BASE_WIDTH,
-    BETA,
-    CONTROLLER_COLUMN,
-    ERROR_COLUMN,
-    FLAT_OUTPUT_COLUMN,
-    INPUT_COLUMN,
-    JERK,
-    ROPE,
-    VIRTUAL_INPUT_COLUMN,
-    Z,
-)
+from cranectl.signals import ACCELERATION, ALPHA, BETA, COLUMN, JERK, ROPE, Z
 from cranectl.status import RunStatus
 from cranectl.support import Array, jit
 
@@ -146,13 +133,13 @@ def control_step(tracker, state, reference, memory, row):
     status = regularity(state, zeta, tracker.gravity)
     if status != RUNNING:
         return status
-    row[CONTROLLER_COLUMN] = zeta
-    row[CONTROLLER_COLUMN + 1] = zeta_dot
+    row[COLUMN.controller] = zeta
+    row[COLUMN.controller + 1] = zeta_dot
     for i in range(len(memory) - MEMORY.robustifier):
-        row[CONTROLLER_COLUMN + 2 + i] = memory[MEMORY.robustifier + i]
+        row[COLUMN.controller + 2 + i] = memory[MEMORY.robustifier + i]
 
-    flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
-    error = row[ERROR_COLUMN : ERROR_COLUMN + 12]
+    flat = row[COLUMN.flat_output : COLUMN.flat_output + 15]
+    error = row[COLUMN.error : COLUMN.error + 12]
     flat_output(state, zeta, zeta_dot, tracker.gravity, flat)
     for i in range(12):
         error[i] = reference[i] - flat[i]
@@ -162,10 +149,10 @@ def control_step(tracker, state, reference, memory, row):
         for order in range(4):
             v += tracker.gain[order] * error[3 * order + axis]
         flat[12 + axis] = v
-        row[VIRTUAL_INPUT_COLUMN + axis] = v
-        row[VIRTUAL_INPUT_COLUMN + 3 + axis] = v_bar
+        row[COLUMN.virtual_input + axis] = v
+        row[COLUMN.virtual_input + 3 + axis] = v_bar
 
-    linearising_step(tracker, state, memory, flat[12:15], row[INPUT_COLUMN : INPUT_COLUMN + 3])
+    linearising_step(tracker, state, memory, flat[12:15], row[COLUMN.input : COLUMN.input + 3])
     return RUNNING
 
 
@@ -188,16 +175,16 @@ def keep_taut(tracker, memory):
 @jit
 def wait_step(tracker, state, reference, memory, row):
     """Replace `control_step` while the rope is slack: record free fall, and leave extension and states."""
-    row[CONTROLLER_COLUMN], row[CONTROLLER_COLUMN + 1] = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
+    row[COLUMN.controller], row[COLUMN.controller + 1] = memory[MEMORY.zeta], memory[MEMORY.zeta_dot]
     for i in range(len(memory) - MEMORY.robustifier):
-        row[CONTROLLER_COLUMN + 2 + i] = memory[MEMORY.robustifier + i]
-    flat = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 15]
+        row[COLUMN.controller + 2 + i] = memory[MEMORY.robustifier + i]
+    flat = row[COLUMN.flat_output : COLUMN.flat_output + 15]
     flat_output(state, -tracker.gravity, 0.0, tracker.gravity, flat)
     for i in range(12):
-        row[ERROR_COLUMN + i] = reference[i] - flat[i]
+        row[COLUMN.error + i] = reference[i] - flat[i]
     for axis in range(3):
         flat[12 + axis] = 0.0
-        row[VIRTUAL_INPUT_COLUMN + axis] = row[VIRTUAL_INPUT_COLUMN + 3 + axis] = 0.0
+        row[COLUMN.virtual_input + axis] = row[COLUMN.virtual_input + 3 + axis] = 0.0
 
 
 def step(parameters, measured, reference, memory, command):
@@ -215,7 +202,7 @@ def step(parameters, measured, reference, memory, command):
         inputs_array[PARAMETERS.gravity],
     )
     states = MEMORY.robustifier + 6 * blocks
-    whole = carray(memory, (states + BASE_WIDTH + 6 * blocks,))
+    whole = carray(memory, (states + COLUMN.width + 6 * blocks,))
     state_memory, row, commands = whole[:states], whole[states:], carray(command, (3,))
     state, desired = carray(measured, (10,)), carray(reference, (15,))
     begin(desired, state_memory)
@@ -226,7 +213,7 @@ def step(parameters, measured, reference, memory, command):
         return RUNNING
     status = control_step(tracker, state, desired, state_memory, row)
     for axis in range(3):
-        commands[axis] = row[INPUT_COLUMN + axis]
+        commands[axis] = row[COLUMN.input + axis]
         if status == RUNNING and not isfinite(commands[axis]):
             status = NON_FINITE
     return status
@@ -246,7 +233,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
         blocks=blocks,
         matrices=np.concatenate(matrices),
     )
-    return parameters, MEMORY.array(robustifier=np.zeros(6 * blocks + BASE_WIDTH + 6 * blocks))
+    return parameters, MEMORY.array(robustifier=np.zeros(6 * blocks + COLUMN.width + 6 * blocks))
 
 
 FLAT_CONTROLLERS = {

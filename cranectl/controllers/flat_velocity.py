@@ -32,20 +32,14 @@ from cranectl.controllers.lqr_integral import matrices
 from cranectl.controllers.slots import Slots
 from cranectl.design import design_controller
 from cranectl.scenario import FASTEST, SLOWEST, DesignSettings
-from cranectl.signals import (
-    BASE_WIDTH,
-    INPUT_COLUMN,
-    VIRTUAL_INPUT,
-    VIRTUAL_INPUT_COLUMN,
-    controller_group,
-)
+from cranectl.signals import COLUMN, VIRTUAL_INPUT, controller_group
 from cranectl.support import Array, jit
 
 POLES = tuple(f"pole_{k}" for k in range(1, 5))
 
 PARAMETERS = Slots(gain=4, period=1, gravity=1, lead=3)
-MEMORY = Slots(tracker=TRACKED.size, row=BASE_WIDTH)  # the tracker's memory, and its record
-VIRTUAL = MEMORY.row + VIRTUAL_INPUT_COLUMN
+MEMORY = Slots(tracker=TRACKED.size, row=COLUMN.width)  # the tracker's memory, and its record
+VIRTUAL = MEMORY.row + COLUMN.virtual_input
 
 
 @jit
@@ -57,7 +51,7 @@ def set_points(tracker, lead, measured, reference, extension, row, command):
     """
     status = control_step(tracker, measured[:10], reference, extension, row)
     for axis in range(3):
-        command[axis] = measured[2 * axis + 1] + lead[axis] * row[INPUT_COLUMN + axis]
+        command[axis] = measured[2 * axis + 1] + lead[axis] * row[COLUMN.input + axis]
     return status
 
 

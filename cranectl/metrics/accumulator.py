@@ -12,16 +12,7 @@ from numpy.typing import NDArray
 
 from cranectl.metrics.setup import MetricsSetup
 from cranectl.metrics.table import all_metrics
-from cranectl.signals import (
-    ALPHA,
-    BETA,
-    DISTURBANCE_COLUMN,
-    INPUT_COLUMN,
-    LOAD_COLUMN,
-    ROPE,
-    STATE_COLUMN,
-    TENSION_COLUMN,
-)
+from cranectl.signals import ALPHA, BETA, COLUMN, ROPE
 from cranectl.support import Array, jit
 
 # Sums are over samples, and those of time and work over the intervals between them. Extremes start infinite.
@@ -98,7 +89,7 @@ def add_samples(
         if total.samples == 0.0:
             start(total, row, time)
         elapsed = 1e-9 * (time - total.time)
-        alpha, beta = row[STATE_COLUMN + ALPHA], row[STATE_COLUMN + BETA]
+        alpha, beta = row[COLUMN.state + ALPHA], row[COLUMN.state + BETA]
         sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
         add_inputs(total, row)
         total.alpha_max = max(total.alpha_max, abs(alpha))
@@ -121,21 +112,21 @@ def start(total: Any, row: Array, time: float) -> None:
     """Use the first sample as the one before it: this interval has no length and no work."""
     total.time = time
     for i in range(3):
-        total.position[i], total.velocity[i] = row[STATE_COLUMN + 2 * i], row[STATE_COLUMN + 2 * i + 1]
-        total.load[i], total.input[i] = row[LOAD_COLUMN + i], row[INPUT_COLUMN + i]
+        total.position[i], total.velocity[i] = row[COLUMN.state + 2 * i], row[COLUMN.state + 2 * i + 1]
+        total.load[i], total.input[i] = row[COLUMN.load + i], row[COLUMN.input + i]
 
 
 @jit
 def add_inputs(total: Any, row: Array) -> None:
     """Add commanded accelerations and rope tension of a sample."""
     for i in range(3):
-        u = row[INPUT_COLUMN + i]
+        u = row[COLUMN.input + i]
         total.input_squares[i] += u * u
         total.input_variation[i] += abs(u - total.input[i])
         total.input[i] = u
         total.input_highest[i] = max(total.input_highest[i], u)
         total.input_lowest[i] = min(total.input_lowest[i], u)
-    total.tension_least = min(total.tension_least, row[TENSION_COLUMN])
+    total.tension_least = min(total.tension_least, row[COLUMN.tension])
 
 
 @jit
@@ -143,7 +134,7 @@ def add_load(total: Any, row: Array, reference: Array) -> float:
     """Add path and tracking error of the load; return the error's Euclidean norm [m]."""
     square, moved = 0.0, 0.0
     for i in range(3):
-        load = row[LOAD_COLUMN + i]
+        load = row[COLUMN.load + i]
         e, way = reference[i] - load, load - total.load[i]
         square += e * e
         moved += way * way
@@ -168,15 +159,15 @@ def add_drives(
     all other work is integrated by the trapezoidal rule.
     """
     sa, ca, sb, cb = angles
-    tension, arm = row[TENSION_COLUMN], setup.load_mass * row[STATE_COLUMN + ROPE]
-    along_alpha, along_beta = arm * cb * row[DISTURBANCE_COLUMN], arm * row[DISTURBANCE_COLUMN + 1]
+    tension, arm = row[COLUMN.tension], setup.load_mass * row[COLUMN.state + ROPE]
+    along_alpha, along_beta = arm * cb * row[COLUMN.disturbance], arm * row[COLUMN.disturbance + 1]
     forces = (
         cb * along_beta - tension * sb,
         ca * along_alpha - sb * sa * along_beta - tension * cb * sa,
         -tension,
     )
     for i in range(3):
-        position, velocity = row[STATE_COLUMN + 2 * i], row[STATE_COLUMN + 2 * i + 1]
+        position, velocity = row[COLUMN.state + 2 * i], row[COLUMN.state + 2 * i + 1]
         speed, before = abs(velocity), total.velocity[i]
         power = forces[i] * velocity + (setup.coulomb[i] + setup.viscous[i] * speed) * speed
         work = 0.5 * setup.driven_mass[i] * (velocity * velocity - before * before)
@@ -196,7 +187,7 @@ def add_outside(setup: MetricsSetup, total: Any, row: Array, time: float, elapse
     for i in range(3):
         if total.outside[i] > 0.0:
             total.outside_time[i] += elapsed
-        position = row[STATE_COLUMN + 2 * i]
+        position = row[COLUMN.state + 2 * i]
         excess = max(setup.workspace[i, 0] - position, position - setup.workspace[i, 1])
         total.outside[i] = 1.0 if excess > 0.0 else 0.0
         if excess > 0.0:
@@ -224,11 +215,11 @@ def add_rest(
     """Add a sample at which the reference rests at its end point."""
     beyond = 0.0
     for i in range(3):
-        load = row[LOAD_COLUMN + i]
+        load = row[COLUMN.load + i]
         beyond += setup.direction[i] * (load - reference[i])
         total.rest_load_highest[i] = max(total.rest_load_highest[i], load)
         total.rest_load_lowest[i] = min(total.rest_load_lowest[i], load)
-    for i, angle in enumerate((row[STATE_COLUMN + ALPHA], row[STATE_COLUMN + BETA])):
+    for i, angle in enumerate((row[COLUMN.state + ALPHA], row[COLUMN.state + BETA])):
         total.rest_angle_highest[i] = max(total.rest_angle_highest[i], angle)
         total.rest_angle_lowest[i] = min(total.rest_angle_lowest[i], angle)
     total.rest_samples += 1.0

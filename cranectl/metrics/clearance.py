@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics.setup import MetricsSetup
-from cranectl.signals import BRIDGE, LOAD_COLUMN, STATE_COLUMN, TROLLEY
+from cranectl.signals import BRIDGE, COLUMN, TROLLEY
 from cranectl.support import Array
 
 HALVINGS = 50  # bisections along the rope, which find its nearest point
@@ -16,9 +16,9 @@ def add_clearance(
     """Update `own` (1,), the smallest clearance of all samples and obstacles."""
     if not len(setup.obstacles) or not len(record):
         return
-    load = record[:, LOAD_COLUMN : LOAD_COLUMN + 3]
+    load = record[:, COLUMN.load : COLUMN.load + 3]
     trolley = np.zeros_like(load)
-    trolley[:, 0], trolley[:, 1] = record[:, STATE_COLUMN + BRIDGE], record[:, STATE_COLUMN + TROLLEY]
+    trolley[:, 0], trolley[:, 1] = record[:, COLUMN.state + BRIDGE], record[:, COLUMN.state + TROLLEY]
     for low, high in setup.obstacles:
         own[0] = min(own[0], clearance(load, trolley, low, high, setup.load_radius).min())
 

@@ -22,14 +22,7 @@ from cranectl.plants import (
     advance_addressed,
     measure_addressed,
 )
-from cranectl.signals import (
-    COMMAND_COLUMN,
-    DISTURBANCE_COLUMN,
-    INPUT_COLUMN,
-    LOAD_COLUMN,
-    STATE_COLUMN,
-    TENSION_COLUMN,
-)
+from cranectl.signals import COLUMN, PATH
 from cranectl.simulate.actuation import (
     Actuation,
     UnloadedDrives,
@@ -76,7 +69,7 @@ def command_controller(inputs, path, state, k, memory, row):
     If the rope is slack, the drives brake instead.
     """
     compiled, reference = inputs.controller, inputs.reference[k]
-    command = row[INPUT_COLUMN : INPUT_COLUMN + 6]
+    command = row[COLUMN.input : COLUMN.input + 6]
     follow_velocity(inputs.actuation.masses, inputs.integral, state)
     write_measured(compiled, path, state, k)
     if inputs.slack[0] > 0.0:
@@ -116,22 +109,22 @@ def write_measured(compiled, path, state, k):
 def control_sample(inputs, path, k, row, memory):
     """Run the controller on the state in `row` of sample `k`; write the rest of the row except the load."""
     if path is None:
-        status = command_controller(inputs, path, row[STATE_COLUMN : STATE_COLUMN + 10], k, memory, row)
+        status = command_controller(inputs, path, row[COLUMN.state : COLUMN.state + 10], k, memory, row)
     else:
-        measured = path.record[k, :COMMAND_COLUMN]
+        measured = path.record[k, : PATH.command]
         sense(path, row, measured)
         status = command_controller(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
-            command, actuation = row[INPUT_COLUMN : INPUT_COLUMN + 3], inputs.actuation
+            command, actuation = row[COLUMN.input : COLUMN.input + 3], inputs.actuation
             requested = drive_command(
                 actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
             )
-            act(path, actuation, inputs.integral, requested, row, path.record[k, COMMAND_COLUMN:])
+            act(path, actuation, inputs.integral, requested, row, path.record[k, PATH.command :])
     if status == RUNNING and inputs.unloaded.are_read:
-        commands = row[INPUT_COLUMN : INPUT_COLUMN + 6]
+        commands = row[COLUMN.input : COLUMN.input + 6]
         follow_set_points(inputs.unloaded, inputs.controller.velocity, commands)
-    row[DISTURBANCE_COLUMN] = inputs.disturbance[k, 0]
-    row[DISTURBANCE_COLUMN + 1] = inputs.disturbance[k, 1]
+    row[COLUMN.disturbance] = inputs.disturbance[k, 0]
+    row[COLUMN.disturbance + 1] = inputs.disturbance[k, 1]
     return status
 
 
@@ -142,14 +135,14 @@ def read_commands(inputs, path, k, row):
         first = inputs.command_column
         return row[first], row[first + 1], row[first + 2]
     else:  # noqa: RET505  the compiler leaves the other branch out only if there is an `else`
-        commanded = path.record[k, COMMAND_COLUMN:]
+        commanded = path.record[k, PATH.command :]
         return commanded[0], commanded[1], commanded[2]
 
 
 @jit
 def judge_sample(inputs, row):
     """Return RUNNING, or the status with which the run ends at this row."""
-    tension = row[TENSION_COLUMN]
+    tension = row[COLUMN.tension]
     if not isfinite(tension):
         return NON_FINITE
     inputs.slack[0] = 1.0 if tension <= 0.0 and inputs.recover else 0.0
@@ -157,7 +150,7 @@ def judge_sample(inputs, row):
         return SLACK_ROPE
     if inputs.stop_outside:
         for axis in range(3):
-            position = row[STATE_COLUMN + 2 * axis]
+            position = row[COLUMN.state + 2 * axis]
             if position < inputs.workspace[axis, 0] or position > inputs.workspace[axis, 1]:
                 return WORKSPACE_LEFT
     return RUNNING
@@ -229,13 +222,13 @@ def advance_block(plant, inputs, path, record, memory, first, last):
     """Run samples `first` to `last` - 1; return (complete rows, sample of the end, status)."""
     for k in range(first, last):
         row = record[k]
-        measure(plant, row[STATE_COLUMN : STATE_COLUMN + 10])
+        measure(plant, row[COLUMN.state : COLUMN.state + 10])
         status = control_sample(inputs, path, k, row, memory)
         if status != RUNNING:
             return k, k, status
         command = read_commands(inputs, path, k, row)
-        disturbance = row[DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2]
-        advance(plant, command, disturbance, inputs.wind[k], row[LOAD_COLUMN : LOAD_COLUMN + 7])
+        disturbance = row[COLUMN.disturbance : COLUMN.disturbance + 2]
+        advance(plant, command, disturbance, inputs.wind[k], row[COLUMN.load : COLUMN.load + 7])
         status = judge_sample(inputs, row)
         if status == RUNNING and warnings(plant) != 0:
             status = ENGINE_WARNING

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cranectl.plants import REFERENCE_PLANT, Plant, measure_addressed
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import LOAD_COLUMN, PATH_WIDTH, STATE, TENSION
+from cranectl.signals import COLUMN, PATH, STATE, TENSION
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
 from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_run import (
@@ -86,7 +86,7 @@ class OpenRuns(SteppedMemory):
         self._commands = np.zeros((count, 3))
         self._clock, self._status = np.zeros((2, count), dtype=np.int64)
         self._states, self._loads = np.zeros((count, len(STATE))), np.full((count, TENSION + 1), np.nan)
-        self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6, PATH_WIDTH)]
+        self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6, PATH.width)]
         self.reset()
 
     def __len__(self) -> int:
@@ -349,7 +349,7 @@ def advance_crane(crane, samples):
         done += rows
         if complete > 0:
             for i in range(7):
-                crane.load[i] = crane.record[complete - 1, LOAD_COLUMN + i]
+                crane.load[i] = crane.record[complete - 1, COLUMN.load + i]
     measure(crane.plant, crane.state)
 
 

@@ -24,7 +24,7 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, Plant, check_scenario, examine, substeps
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
+from cranectl.signals import COLUMN, PATH
 from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
@@ -110,7 +110,7 @@ def simulate_run(
     samples, width = len(plan.time_ns), record_width(design)
     outside = controller_of(design) if design.origin and compiled and CAN_FORK else None
     zeros = np.zeros if outside is None else shared_zeros
-    path_record = None if outside is None else shared_zeros((samples, PATH_WIDTH))
+    path_record = None if outside is None else shared_zeros((samples, PATH.width))
     run = start_run(
         crane,
         scenario,
@@ -269,7 +269,7 @@ def inputs_of(
         wind=plan.wind,
         workspace=scenario.reach,
         stop_outside=scenario.workspace.on_exit == "stop",
-        command_column=INPUT_COLUMN + (DRIVES[drive].column or 0),
+        command_column=COLUMN.input + (DRIVES[drive].column or 0),
         recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
         slack=np.zeros(1),
     )
@@ -317,7 +317,7 @@ class Block(NamedTuple):
     time_ns: NDArray[np.int64]  # (n,)
     record: Array  # (n, columns of `signals` without those of the signal path)
     reference: Array  # (n, 15)
-    path: Array  # (n, PATH_WIDTH) record of the signal path; `record` if there is none
+    path: Array  # (n, PATH.width) record of the signal path; `record` if there is none
 
 
 def stream_run(

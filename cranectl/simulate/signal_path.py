@@ -24,7 +24,7 @@ from cranectl.controllers import (
 )
 from cranectl.plants import DRIVES, FORCE, Drive
 from cranectl.scenario import NANOSECONDS, DriveLimits, EffectSettings, Installation, Scenario, Sensing
-from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, STATE_COLUMN
+from cranectl.signals import COLUMN, PATH
 from cranectl.simulate.actuation import commands_at_start, drive_acceleration
 from cranectl.support import Array, jit
 
@@ -114,7 +114,7 @@ class SignalPath(NamedTuple):
     previous: Array  # (3,) last command after limits
     line: Array  # (samples of delay, 3) commands that have not arrived yet
     clock: NDArray[np.int64]  # (1,) samples since the start
-    record: Array  # (N, PATH_WIDTH)
+    record: Array  # (N, PATH.width)
 
 
 def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
@@ -172,7 +172,7 @@ def new_signal_path(
         previous=first.copy(),
         line=np.tile(first, (scenario.delay_samples, 1)),
         clock=np.zeros(1, dtype=np.int64),
-        record=np.zeros((samples, PATH_WIDTH)) if record is None else record,
+        record=np.zeros((samples, PATH.width)) if record is None else record,
     )
 
 
@@ -190,13 +190,13 @@ def sense(path, row, measured):
     offset = path.calibration.rope_offset
     if not path.sensed:
         for i in range(2 * JOINTS):
-            measured[i] = row[STATE_COLUMN + i]
+            measured[i] = row[COLUMN.state + i]
         measured[2 * ROPE] += offset
         for joint in range(JOINTS):
             path.readings[joint] = measured[2 * joint]
         return
     for joint in range(JOINTS):
-        position = row[STATE_COLUMN + 2 * joint] + (offset if joint == ROPE else 0.0)
+        position = row[COLUMN.state + 2 * joint] + (offset if joint == ROPE else 0.0)
         path.readings[joint] = read_encoder(path.encoders, path.clock[0], joint, position)
     observe(path.observer, path.readings, path.estimate, measured)
 
@@ -230,7 +230,7 @@ def act(path, actuation, integral, intended, row, commanded):
     `commanded` (6,) receives both.
     """
     for axis in range(3):
-        path.assumed[axis] = row[INPUT_COLUMN + axis]
+        path.assumed[axis] = row[COLUMN.input + axis]
     limit_command(
         path.limits, actuation, integral, intended, path.previous, path.estimate, path.assumed, commanded
     )

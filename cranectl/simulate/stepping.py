@@ -10,7 +10,7 @@ from cranectl.controllers import CompiledController, Controller, Nominal, compil
 from cranectl.design import ControllerDesign
 from cranectl.plants import Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import PATH_WIDTH, REFERENCE
+from cranectl.signals import PATH, REFERENCE
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.runner import PreparedRun
 from cranectl.simulate.signal_path import whole_record
@@ -57,7 +57,7 @@ class SteppedRun:
         record = np.zeros((len(time_ns), record_width(self.design)))
         path, rows = self.run.path, 0
         if path is not None:
-            path = path._replace(record=np.zeros((len(time_ns), PATH_WIDTH)))
+            path = path._replace(record=np.zeros((len(time_ns), PATH.width)))
         if not self.status.stopped and len(time_ns):
             inputs = self.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind)
             rows, end, code = self.run.advance(inputs, path, record, self.run.memory, 0, len(time_ns))

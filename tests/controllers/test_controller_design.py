@@ -13,7 +13,7 @@ from cranectl.design import design_controller
 from cranectl.model.dynamics import angular_accelerations
 from cranectl.plants.plant import Drive
 from cranectl.scenario.load import default_scenario
-from cranectl.signals import ALPHA, BASE_WIDTH, BETA, BRIDGE, INPUT_COLUMN, ROPE, TROLLEY
+from cranectl.signals import ALPHA, BETA, BRIDGE, COLUMN, ROPE, TROLLEY
 from cranectl.status import RunStatus
 from tests.conftest import random_states
 
@@ -88,7 +88,7 @@ def begun(reference: np.ndarray) -> np.ndarray:
 
 def accelerations(measured: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Return (w - x') / T of the drives, with the set-points of the flat tracker."""
-    command, row = np.zeros(3), np.zeros(BASE_WIDTH)
+    command, row = np.zeros(3), np.zeros(COLUMN.width)
     set_points(FLAT, LEAD, measured, reference, begun(reference), row, command)
     return (command - measured[1:6:2]) / LEAD
 
@@ -96,14 +96,14 @@ def accelerations(measured: np.ndarray, reference: np.ndarray) -> np.ndarray:
 def test_set_points_of_measured_velocity_bring_about_what_the_tracker_asks() -> None:
     reference = np.append([1.0, 0.8, -0.7], 0.3 * np.random.default_rng(6).normal(size=12))
     for state in random_states(20):
-        row = np.zeros(BASE_WIDTH)
+        row = np.zeros(COLUMN.width)
         control_step(FLAT, state, reference, begun(reference), row)
         computed = accelerations(np.append(state, [0.0, 0.0]), reference)
-        assert computed == pytest.approx(row[INPUT_COLUMN : INPUT_COLUMN + 3], rel=1e-10, abs=1e-10)
+        assert computed == pytest.approx(row[COLUMN.input : COLUMN.input + 3], rel=1e-10, abs=1e-10)
 
 
 def test_a_tracker_that_asks_for_a_slack_rope_says_so() -> None:
-    reference, extension, row = np.zeros(15), np.array([-10.0, 0.0, 1.0, 0.0]), np.zeros(BASE_WIDTH)
+    reference, extension, row = np.zeros(15), np.array([-10.0, 0.0, 1.0, 0.0]), np.zeros(COLUMN.width)
     measured = np.append(random_states(1)[0], [0.0, 0.0])
     assert set_points(FLAT, LEAD, measured, reference, extension, row, np.zeros(3)) == RunStatus.SLACK_ROPE
 

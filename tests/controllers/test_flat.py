@@ -51,7 +51,7 @@ def robust_design() -> Design:
 def step(
     design: Design, state: np.ndarray, reference: np.ndarray, memory: np.ndarray
 ) -> tuple[int, np.ndarray]:
-    row = np.full(signals.BASE_WIDTH + 3 * design.robustifier.sampled_order, np.nan)
+    row = np.full(signals.COLUMN.width + 3 * design.robustifier.sampled_order, np.nan)
     return control_step(tracker_of(design), state, reference, memory, row), row
 
 
@@ -69,9 +69,9 @@ def test_control_law_is_the_sum_it_should_be() -> None:
         error = (reference[:12] - flat[:12]).reshape(4, 3)
         v = reference[12:] + design.gain @ error
         u = linearising_input(state, 0.3, -0.2, *v, G)
-        assert row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3] == pytest.approx(np.array(u), rel=1e-12)
-        assert row[signals.VIRTUAL_INPUT_COLUMN : signals.VIRTUAL_INPUT_COLUMN + 3] == pytest.approx(v)
-        assert row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 12] == pytest.approx(error.ravel())
+        assert row[signals.COLUMN.input : signals.COLUMN.input + 3] == pytest.approx(np.array(u), rel=1e-12)
+        assert row[signals.COLUMN.virtual_input : signals.COLUMN.virtual_input + 3] == pytest.approx(v)
+        assert row[signals.COLUMN.error : signals.COLUMN.error + 12] == pytest.approx(error.ravel())
 
 
 def test_memory_advances_by_one_held_period() -> None:
@@ -80,10 +80,10 @@ def test_memory_advances_by_one_held_period() -> None:
     memory = memory_of(design)
     before = memory.copy()
     _, row = step(design, state, reference, memory)
-    v_z = row[signals.VIRTUAL_INPUT_COLUMN + 2]
+    v_z = row[signals.COLUMN.virtual_input + 2]
     assert memory[1] == pytest.approx(before[1] + PERIOD * v_z, rel=1e-14)
     assert memory[0] == pytest.approx(before[0] + PERIOD * before[1] + 0.5 * PERIOD**2 * v_z, rel=1e-14)
-    assert row[signals.CONTROLLER_COLUMN :].tolist() == before[:2].tolist()
+    assert row[signals.COLUMN.controller :].tolist() == before[:2].tolist()
 
 
 def test_robustifier_is_the_sampled_system_it_stands_for() -> None:
@@ -110,14 +110,14 @@ def test_robustifier_adds_to_v_and_its_states_are_recorded() -> None:
     states = memory[MEMORY.robustifier :].copy()
     _, row = step(design, state, reference, memory)
     _, base = step(plain, state, reference, memory_of(plain))
-    first = signals.VIRTUAL_INPUT_COLUMN
+    first = signals.COLUMN.virtual_input
     v_bar = row[first + 3 : first + 6]
     r = design.robustifier
-    error = row[signals.ERROR_COLUMN : signals.ERROR_COLUMN + 3]
+    error = row[signals.COLUMN.error : signals.COLUMN.error + 3]
     assert v_bar == pytest.approx(states.reshape(3, 4) @ r.c + r.d * error, rel=1e-12)
     assert abs(v_bar).min() > 0.0
     assert row[first : first + 3] == pytest.approx(base[first : first + 3] + v_bar)
-    assert row[signals.CONTROLLER_COLUMN + 2 :].tolist() == states.tolist()
+    assert row[signals.COLUMN.controller + 2 :].tolist() == states.tolist()
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ class Stepped:
     def __init__(self, design: Design) -> None:
         nominal = Nominal(RigParameters(), "ideal", PERIOD, np.zeros((1, 15)), np.zeros(10), {}, design)
         self.parameters, self.memory = FLAT_CONTROLLERS["lqr"].prepare(nominal)
-        self.width = signals.BASE_WIDTH + 3 * design.robustifier.sampled_order
+        self.width = signals.COLUMN.width + 3 * design.robustifier.sampled_order
         self.command = np.zeros(3)
 
     def __call__(self, state: np.ndarray, reference: np.ndarray) -> int:
@@ -181,8 +181,8 @@ def test_the_step_by_address_is_the_kernel_from_the_start_of_its_reference(desig
         begin(reference, memory)
         status, row = step(design, state, reference, memory)
         assert stepped(state, reference) == status == RunStatus.RUNNING
-        assert np.array_equal(stepped.command, row[signals.INPUT_COLUMN : signals.INPUT_COLUMN + 3])
-        recorded = slice(signals.FLAT_OUTPUT_COLUMN, None)
+        assert np.array_equal(stepped.command, row[signals.COLUMN.input : signals.COLUMN.input + 3])
+        recorded = slice(signals.COLUMN.flat_output, None)
         assert np.array_equal(stepped.row[recorded], row[recorded])
         assert np.array_equal(stepped.memory[: len(memory)], memory)
 
@@ -197,10 +197,10 @@ def test_while_the_rope_is_slack_the_step_waits_and_then_goes_on() -> None:
     assert before.any()
     assert np.array_equal(stepped.memory[states], before)
     assert np.array_equal(stepped.command, command)
-    first = signals.FLAT_OUTPUT_COLUMN
+    first = signals.COLUMN.flat_output
     assert stepped.row[first + 6 : first + 9].tolist() == [0.0, 0.0, -G], "the load falls freely"
     assert not stepped.row[first + 12 : first + 15].any()
-    assert not stepped.row[signals.VIRTUAL_INPUT_COLUMN : signals.VIRTUAL_INPUT_COLUMN + 6].any()
+    assert not stepped.row[signals.COLUMN.virtual_input : signals.COLUMN.virtual_input + 6].any()
     stepped.memory[MEMORY.slack] = ROPE_TAUT
     assert stepped(state, reference) == RunStatus.RUNNING
     assert not np.array_equal(stepped.memory[states], before)
@@ -213,7 +213,7 @@ def test_only_a_run_that_recovers_has_the_extension_kept_from_a_slack_rope() -> 
     recovers.memory[MEMORY.slack] = ROPE_TAUT
     assert stops(state, falling) == RunStatus.SLACK_ROPE
     assert recovers(state, falling) == RunStatus.RUNNING
-    assert recovers.row[signals.CONTROLLER_COLUMN + MEMORY.zeta] == (MIN_TENSION - 1.0) * G
+    assert recovers.row[signals.COLUMN.controller + MEMORY.zeta] == (MIN_TENSION - 1.0) * G
 
 
 def test_a_command_that_is_no_number_ends_the_run_as_such() -> None:

@@ -30,14 +30,14 @@ from cranectl.report.table import Cell
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Friction
 from cranectl.scenario.settings import parse_settings
-from cranectl.signals import BASE_WIDTH, DISTURBANCE_COLUMN, INPUT_COLUMN, LOAD_COLUMN, TENSION_COLUMN
+from cranectl.signals import COLUMN
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import cut
 
 BRIDGE, TROLLEY, ROPE = 0, 2, 4  # positions in the state; velocities are one further
 ALPHA, BETA = 6, 8
-LIMITED = BASE_WIDTH + FLAG_COLUMN
+LIMITED = COLUMN.width + FLAG_COLUMN
 SAMPLES, REST = 4001, 2000
 VIEWS = {"peak_acceleration_m_s2", "outside_first_s", "outside_excess_m", "outside_time_s"}  # not in JSON
 ALL = {"status", "duration_s", "workspace_violations", *(m.name for m in all_metrics())} - VIEWS
@@ -78,10 +78,10 @@ def synthetic() -> Run:
     load = reference[:, :3].copy()
     load[moving] -= (0.03, 0.04, 0.0)
     load[~moving, 0] += beyond[~moving]
-    table[:, LOAD_COLUMN : LOAD_COLUMN + 3] = load
-    table[:, TENSION_COLUMN] = 10.0
-    table[:, INPUT_COLUMN] = 0.5 * np.sin(0.5 * pi * t)
-    table[:, INPUT_COLUMN + 1], table[:, INPUT_COLUMN + 2] = 0.3, -0.2
+    table[:, COLUMN.load : COLUMN.load + 3] = load
+    table[:, COLUMN.tension] = 10.0
+    table[:, COLUMN.input] = 0.5 * np.sin(0.5 * pi * t)
+    table[:, COLUMN.input + 1], table[:, COLUMN.input + 2] = 0.3, -0.2
     table[500:750, LIMITED] = 1.0
     table[700:1000, LIMITED + 2] = 1.0
     return Run(
@@ -160,7 +160,7 @@ def test_sway_about_the_lean_is_not_the_lean(synthetic: Run) -> None:
 
 def test_only_what_is_beyond_the_end_point_is_overshoot(synthetic: Run) -> None:
     for shift, expected in ((0.01, 0.03), (-0.01, 0.01), (-0.03, 0.0)):
-        shifted = column(synthetic, LOAD_COLUMN, shift, slice(REST, None))
+        shifted = column(synthetic, COLUMN.load, shift, slice(REST, None))
         assert measured(shifted).overshoot_m == pytest.approx(expected, rel=1e-12)
 
 
@@ -229,7 +229,7 @@ def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
     tolerance = 1e-3 if drive == "ideal" else 6e-3
     assert sum(measured(run).drive_work_j) == pytest.approx(gained, abs=tolerance)
     table = run.table.copy()
-    table[:, DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = 0.0
+    table[:, COLUMN.disturbance : COLUMN.disturbance + 2] = 0.0
     without = measured(replace(run, table=table)).drive_work_j
     reaction = np.subtract(measured(run).drive_work_j, without)
     assert abs(reaction.sum()) > 10.0 * tolerance, "the reaction to the disturbances counts"
@@ -241,9 +241,9 @@ def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
     alpha, beta, tension, push = 0.3, -0.4, 12.0, np.array([0.7, -1.1])
     length, velocity, samples = 0.8, np.array([0.3, -0.2, 0.1]), 501
     table = synthetic.table[:samples].copy()
-    table[:, [ALPHA, BETA, ROPE, TENSION_COLUMN]] = alpha, beta, length, tension
+    table[:, [ALPHA, BETA, ROPE, COLUMN.tension]] = alpha, beta, length, tension
     table[:, [BRIDGE + 1, TROLLEY + 1, ROPE + 1]] = velocity
-    table[:, DISTURBANCE_COLUMN : DISTURBANCE_COLUMN + 2] = push
+    table[:, COLUMN.disturbance : COLUMN.disturbance + 2] = push
     run = replace(cut(synthetic, samples), table=table)
     later = replace(run, time_ns=run.time_ns + 7_000_000_000)
 
@@ -346,7 +346,7 @@ def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
     stopped = measured(replace(cut(synthetic, 3500), status=RunStatus.SLACK_ROPE))
     assert stopped.settling_time_s is None
     assert stopped.overshoot_m == measured(synthetic).overshoot_m
-    outside = column(synthetic, LOAD_COLUMN, 0.002, slice(-1, None))
+    outside = column(synthetic, COLUMN.load, 0.002, slice(-1, None))
     assert measured(outside).settling_time_s is None, "the load does not stay within the tolerance"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from cranectl.planning import load_scenario
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
-from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
+from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.resources import Shipped
 from tests.scenario.test_drawn_size import similar
@@ -72,15 +72,15 @@ def is_arrow(picture: np.ndarray) -> np.ndarray:
 def shift_run(run: Run, x: float) -> Run:
     """Return the run with bridge and load shifted along x."""
     table = run.table.copy()
-    table[:, [0, LOAD_COLUMN]] += x
+    table[:, [0, COLUMN.load]] += x
     return replace(run, table=table)
 
 
 def enlarge_run(run: Run, times: float) -> Run:
     """Return the run on a rig `times` as large, whose disturbances are smaller by that factor."""
     table = run.table.copy()
-    table[:, [0, 2, 4, *range(LOAD_COLUMN, LOAD_COLUMN + 3)]] *= times
-    table[:, TENSION_COLUMN] *= times**3
+    table[:, [0, 2, 4, *range(COLUMN.load, COLUMN.load + 3)]] *= times
+    table[:, COLUMN.tension] *= times**3
     scenario = run.scenario.model_copy(update={"rig": similar(times)})
     result = replace(run, scenario=scenario, table=table, reference=times * run.reference)
     result.block("disturbance")[:] /= times

@@ -10,7 +10,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.render.draw import CAMERAS
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
-from cranectl.signals import TENSION_COLUMN
+from cranectl.signals import COLUMN
 from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
 from cranectl.support.resources import Shipped
 from tests.render.pictures import (
@@ -105,7 +105,7 @@ def test_where_the_plants_agree_the_ghost_is_a_rim_around_the_solid_load() -> No
 def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
-    table[:, TENSION_COLUMN] = tension
+    table[:, COLUMN.tension] = tension
     picture = draw({"mujoco": replace(run, table=table)}, 5.0, "side")
     row = sample_at(run, 5.0)
     x, y = run.signal("state.bridge_position")[row], run.signal("state.trolley_position")[row]

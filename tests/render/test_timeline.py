@@ -8,7 +8,7 @@ import pytest
 from cranectl.render.caption import legend, readings
 from cranectl.render.timeline import MAX_DASHES, dashes, timeline_of
 from cranectl.scenario.drawn_size import FILED_TRAIL
-from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
+from cranectl.signals import COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
@@ -55,7 +55,7 @@ def test_a_still_shows_the_largest_error() -> None:
     assert timeline.main.error[timeline.main.row(timeline.worst_time)] == distance.max()
     assert distance.max() > 2.0 * np.median(distance)
     later = replace(run, table=run.table.copy())
-    later.table[sample_at(run, 9.0), LOAD_COLUMN] += 1.0
+    later.table[sample_at(run, 9.0), COLUMN.load] += 1.0
     assert timeline_of({"mujoco": run, "analytic": later}).worst_time == pytest.approx(9.0, abs=0.01)
 
 
@@ -83,7 +83,7 @@ def test_dashes_lie_on_the_path_and_are_never_too_many() -> None:
 def test_samples_without_a_finite_position_are_left_out() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
-    table[-3:, LOAD_COLUMN], table[-4, 0] = np.nan, 1e9
+    table[-3:, COLUMN.load], table[-4, 0] = np.nan, 1e9
     timeline = timeline_of({"mujoco": replace(run, table=table)})
     assert timeline.duration == run.time[-5]
     assert np.isfinite(timeline.main.error).all()
@@ -118,7 +118,7 @@ def test_runs_of_an_overlay_are_named_by_their_labels() -> None:
 def test_the_legend_names_exactly_what_is_drawn() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
-    table[5, TENSION_COLUMN] = 0.1
+    table[5, COLUMN.tension] = 0.1
     calm = cut(run, 4.0)
     hold = replace(run, reference=np.tile(run.reference[:1], (len(run.reference), 1)))
     logs = ({"mujoco": calm}, both_runs(), {"mujoco": replace(run, table=table)}, {"mujoco": hold})

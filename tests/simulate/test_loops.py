@@ -153,13 +153,13 @@ def test_plants_stop_together_for_the_same_reason() -> None:
 )
 def test_the_rope_tension_of_the_plant_is_judged(tension: float, status: RunStatus) -> None:
     """The tension of the plant decides, not the zeta of the tracker."""
-    row = np.zeros(signals.BASE_WIDTH)
-    row[signals.TENSION_COLUMN] = tension
+    row = np.zeros(signals.COLUMN.width)
+    row[signals.COLUMN.tension] = tension
     none = np.zeros((0, 2))
     inputs = LoopInputs(
         controller=None, actuation=None, integral=np.zeros(3), unloaded=None,  # type: ignore[arg-type]
         reference=none, disturbance=none, wind=none, workspace=np.zeros((3, 2)), stop_outside=False,
-        command_column=signals.INPUT_COLUMN, recover=False, slack=np.zeros(1),
+        command_column=signals.COLUMN.input, recover=False, slack=np.zeros(1),
     )  # fmt: skip
     assert RunStatus(judge_sample.py_func(inputs, row)) == status
 
@@ -277,7 +277,7 @@ def test_recorded_accelerations_of_set_points_reach_neither_plant_nor_observer(
         runner_module, "make_unloaded_drives", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0))
     )
     other = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
-    recorded = signals.INPUT_COLUMN + np.arange(3)
+    recorded = signals.COLUMN.input + np.arange(3)
     assert np.delete(run.table, recorded, axis=1).tobytes() == (
         np.delete(other.table, recorded, axis=1).tobytes()
     )

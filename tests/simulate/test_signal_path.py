@@ -10,7 +10,7 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
-from cranectl.signals import BASE_WIDTH, INPUT_COLUMN
+from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.actuation import forces_at_rest, make_actuation
 from cranectl.simulate.signal_path import act, make_signal_path
@@ -113,8 +113,8 @@ def test_a_limit_that_a_set_point_exceeds_by_rounding_does_not_act(beyond: float
     path = make_signal_path(scenario, start, drive="velocity", samples=1)
     assert path is not None
     integral, actuation = start[1:6:2].copy(), make_actuation(scenario, "velocity")
-    row, commanded = np.zeros(BASE_WIDTH), np.zeros(6)
-    row[INPUT_COLUMN : INPUT_COLUMN + 3] = 7.0  # what the controller asks for, and the observer is told
+    row, commanded = np.zeros(COLUMN.width), np.zeros(6)
+    row[COLUMN.input : COLUMN.input + 3] = 7.0  # what the controller asks for, and the observer is told
     act(path, actuation, integral, np.array([0.2 + beyond, 0.2, 0.0]), row, commanded)
     assert_array_equal(commanded, [0.2, 0.2, 0.0, float(acts), 0.0, 0.0])
     assert (path.assumed[0] != 7.0) == acts

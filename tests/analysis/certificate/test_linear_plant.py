@@ -25,7 +25,7 @@ from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
 from cranectl.scenario.load import default_scenario
-from cranectl.signals import BASE_WIDTH, FLAT_OUTPUT_COLUMN, INPUT_COLUMN, ROPE, ROPE_RATE
+from cranectl.signals import COLUMN, ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
 from cranectl.simulate.loops import python_loop
@@ -65,14 +65,14 @@ def nonlinear_loop(
     design = design_controller("lqr+loop-shaping", scenario.design)
     tracker, plant, air = tracker_of(scenario, design), run_plant(scenario, drive), air_of(scenario)
     base, command, held = find_equilibrium(plant, point, drive, air, G)
-    row = np.zeros(BASE_WIDTH + 3 * design.robustifier.sampled_order)
+    row = np.zeros(COLUMN.width + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
     memory[MEMORY.zeta] = held.zeta
     actuation, integral = make_actuation(scenario), command.copy()
     control_step(tracker, held.joints, reference, memory.copy(), row)
-    first = INPUT_COLUMN if drive == "ideal" else INPUT_COLUMN + 3
-    reference[:12] = row[FLAT_OUTPUT_COLUMN : FLAT_OUTPUT_COLUMN + 12]
+    first = COLUMN.input if drive == "ideal" else COLUMN.input + 3
+    reference[:12] = row[COLUMN.flat_output : COLUMN.flat_output + 12]
     reference[12:] = held.virtual_input
     line, state, states = [command.copy()] * scenario.delay_samples, np.zeros(10), []
     set_state(plant, base, np.append(offset, np.zeros(count_coordinates(plant) - 10)))
@@ -80,7 +80,7 @@ def nonlinear_loop(
         plant.measure(state)
         states.append(state - held.joints)
         assert control_step(tracker, state, reference, memory, row) == RUNNING
-        actuate(actuation, integral, row[INPUT_COLUMN : INPUT_COLUMN + 6])
+        actuate(actuation, integral, row[COLUMN.input : COLUMN.input + 6])
         line.append(row[first : first + 3].copy())
         plant.advance(line.pop(0), np.array(point.tilt), air, np.zeros(7))
     return np.array(states)
