@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference import Series, expand_about, gather, pad, select_between, shift_powers
+from cranectl.reference import Series, expand_about, gather, select_between, shift_powers
 from cranectl.support import Array
 
 LIBRARY_ERROR = 1e-15  # of NumPy's sine and cosine and a sum with them: four times the largest error
@@ -125,13 +125,13 @@ def _(s: Interval, coefficients: Array, count: int) -> list[Series]:
     s = s[:, None]
     middle = 0.5 * (s.low + s.high)
     about, step = shift_powers(list(coefficients), Interval(middle, middle) - 0.5), s - middle
-    expanded = []
+    expanded = Series()
     for k in range(min(count, len(about))):
         value = about[-1] * float(comb(len(about) - 1, k))
         for j in range(len(about) - 2, k - 1, -1):
             value = value * step + about[j] * float(comb(j, k))
         expanded.append(value)
-    return [[coefficient[:, axis] for coefficient in pad(expanded, count)] for axis in range(3)]
+    return [Series(coefficient[:, axis] for coefficient in expanded.padded(count)) for axis in range(3)]
 
 
 @select_between.register
@@ -213,13 +213,13 @@ def inputs(columns: Array) -> list[Gradient]:
 
 @expand_about.register
 def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
-    expanded = pad(shift_powers(list(coefficients), s.value[:, None] - 0.5), count + 1)
+    expanded = shift_powers(list(coefficients), s.value[:, None] - 0.5).padded(count + 1)
     slopes = [(k + 1) * power for k, power in enumerate(expanded[1:])]
     return [
-        [
+        Series(
             Gradient(value[:, axis], slope[:, axis, None] * s.slope)
             for value, slope in zip(expanded, slopes, strict=False)
-        ]
+        )
         for axis in range(3)
     ]
 

@@ -29,9 +29,9 @@ def deviation(before: LineOrArc, after: LineOrArc, length: float, *, enclosed: b
         scale = 2.0 * length / part.length
 
         def difference(u: Number, one: Number) -> list[Series]:
-            along = [(u - begin) * scale + offset, one * scale]  # noqa: B023
-            both = zip(smooth([[u, one]]), part([along]), strict=True)  # noqa: B023
-            return [[a - b for a, b in zip(x, y, strict=True)] for x, y in both]
+            along = Series([(u - begin) * scale + offset, one * scale])  # noqa: B023
+            both = zip(smooth([Series([u, one])]), part([along]), strict=True)  # noqa: B023
+            return [x - y for x, y in both]
 
         centre, one = middle + begin, np.ones(HALF_BLEND_PIECES)
         if enclosed:

@@ -7,6 +7,7 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
+from cranectl.reference import Series
 from cranectl.scenario import MAX_DURATION, Scenario, is_planned, scenarios_in
 from cranectl.support import Array, InputError
 
@@ -44,7 +45,7 @@ def check_count(scenario: Scenario) -> None:
 def check_point(point: Array, limits: Limits, what: str) -> None:
     """Raise InputError where the load cannot hang at rest at `point` (x, y, z) [m]."""
     coordinates = ", ".join(f"{value:g}" for value in point)
-    rest = motion([[np.array([value]), *[np.zeros(1)] * 5] for value in point], limits.gravity)
+    rest = motion([Series([np.array([value])]).padded(6) for value in point], limits.gravity)
     for constraint in constraints(rest, limits):
         value = float(constraint.series[0][0])
         if value > constraint.high + PROOF_MARGIN or value < constraint.low - PROOF_MARGIN:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.reference import Series, add, differentiate, divide, multiply, take_root
+from cranectl.reference import Series
 from cranectl.scenario import Scenario, Segment, drawn_load_radius
 from cranectl.support import Array
 
@@ -119,17 +119,13 @@ class Motion(NamedTuple):
 
 def motion(load: list[Series], gravity: float) -> Motion:
     """Compute the crane's motion from the load's series of n >= 5 coefficients; results have n - 2."""
-    x, y, z = (differentiate(series, 2) for series in load)
-    lift = [z[0] + gravity, *z[1:]]
-    p_x, p_y = ([-c for c in divide(a, lift)] for a in (x, y))
-    drop = [-c for c in load[2]]
-    squares = add(multiply(p_x, p_x), multiply(p_y, p_y))
-    secant = take_root([squares[0] + 1.0, *squares[1:]])
-    bridge, trolley = (
-        add(position, [-c for c in multiply(slope, drop)])
-        for position, slope in zip(load[:2], (p_x, p_y), strict=True)
-    )
-    return Motion(load, [p_x, p_y], [bridge, trolley, multiply(secant, drop)], [x, y, lift], secant)
+    x, y, z = (series.derivative(2) for series in load)
+    lift = z + gravity
+    p_x, p_y = -(x / lift), -(y / lift)
+    drop = -load[2]
+    secant = (p_x * p_x + p_y * p_y + 1.0).sqrt()
+    axes = [load[0] - p_x * drop, load[1] - p_y * drop, secant * drop]
+    return Motion(load, [p_x, p_y], axes, [x, y, lift], secant)
 
 
 def constraints(crane_motion: Motion, limits: Limits) -> list[Constraint]:
@@ -138,30 +134,28 @@ def constraints(crane_motion: Motion, limits: Limits) -> list[Constraint]:
         Constraint(f"load {axis}", series, low, high, limits.size)
         for axis, series, (low, high) in zip("xyz", crane_motion.load, limits.load.tolist(), strict=True)
     ]
-    lean2 = add(
-        multiply(crane_motion.slopes[0], crane_motion.slopes[0]),
-        multiply(crane_motion.slopes[1], crane_motion.slopes[1]),
-    )
+    p_x, p_y = crane_motion.slopes
+    lean2 = p_x * p_x + p_y * p_y
     result.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
     bridge_mass, trolley_mass, winch_mass, mass = limits.masses.tolist()
-    tension = [c * mass for c in multiply(crane_motion.secant, crane_motion.acceleration[2])]
+    tension = crane_motion.secant * crane_motion.acceleration[2] * mass
     weight = mass * limits.gravity
     result.append(Constraint("tension of the rope", tension, *limits.tension, weight))
-    rates = [differentiate(axis, 2) for axis in crane_motion.axes]
+    rates = [axis.derivative(2) for axis in crane_motion.axes]
     forces = [
-        add([c * bridge_mass for c in rates[0]], [c * mass for c in crane_motion.acceleration[0]]),
-        add([c * trolley_mass for c in rates[1]], [c * mass for c in crane_motion.acceleration[1]]),
-        add([c * winch_mass for c in rates[2]], [-c for c in tension]),
+        rates[0] * bridge_mass + crane_motion.acceleration[0] * mass,
+        rates[1] * trolley_mass + crane_motion.acceleration[1] * mass,
+        rates[2] * winch_mass - tension,
     ]
     for i, (axis, (low, high)) in enumerate(zip(AXES, limits.axes.tolist(), strict=True)):
         series, rate = crane_motion.axes[i], rates[i]
-        setpoint = add(differentiate(series, 1), [c * float(limits.lag[i]) for c in rate])
+        setpoint = series.derivative() + rate * float(limits.lag[i])
         result += [
             Constraint(axis, series, low, high, limits.size),
             _symmetric(f"{axis} set-point", setpoint, limits.velocity[i]),
-            _symmetric(f"{axis} set-point's rate", differentiate(setpoint, 1), limits.acceleration[i]),
+            _symmetric(f"{axis} set-point's rate", setpoint.derivative(), limits.acceleration[i]),
             _symmetric(f"{axis} force", forces[i], limits.force[i]),
-            _symmetric(f"{axis} jerk", differentiate(rate, 1), limits.jerk[i]),
+            _symmetric(f"{axis} jerk", rate.derivative(), limits.jerk[i]),
         ]
     return [
         constraint for constraint in result if np.isfinite(constraint.low) or np.isfinite(constraint.high)
@@ -200,19 +194,15 @@ def side_distances(crane_motion: Motion, box: Box, radius: float, side: str) -> 
     """
     x, y, z = crane_motion.load
     if side == "above":
-        return [[z[0] - (box.high[2] + radius), *z[1:]]]
+        return [z - (box.high[2] + radius)]
     axis = 0 if side[0] == "x" else 1
     position = (x, y)[axis]
-    below_top = [float(box.high[2]) - z[0], *(-c for c in z[1:])]
-    passing = add(position, [-c for c in multiply(crane_motion.slopes[axis], below_top)])
+    passing = position - crane_motion.slopes[axis] * (float(box.high[2]) - z)
     if side[1] == "-":
         face = float(box.low[axis])
-        return [
-            [face - radius - position[0], *(-c for c in position[1:])],
-            [face - passing[0], *(-c for c in passing[1:])],
-        ]
+        return [face - radius - position, face - passing]
     face = float(box.high[axis])
-    return [[position[0] - (face + radius), *position[1:]], [passing[0] - face, *passing[1:]]]
+    return [position - (face + radius), passing - face]
 
 
 def _symmetric(name: str, series: Series, bound: float) -> Constraint:

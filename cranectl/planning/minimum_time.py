@@ -24,7 +24,7 @@ from cranectl.planning.programs import PENALTIES, ProgramBudget, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
-from cranectl.reference import PLANNED_DEGREE, Geometry, Law, Series, add, add_constant, time_law
+from cranectl.reference import PLANNED_DEGREE, Geometry, Law, Series, time_law
 from cranectl.support import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a path
@@ -52,11 +52,11 @@ class FreeCoordinates:
         """Return the series of x, y, z from the series of the coordinates."""
         load = []
         for origin, factors in zip(self.start.tolist(), self.directions.T.tolist(), strict=True):
-            series = [c * factors[0] for c in coordinates[0]]
+            series = coordinates[0] * factors[0]
             for coordinate, factor in zip(coordinates[1:], factors[1:], strict=True):
                 if factor:
-                    series = add(series, [c * factor for c in coordinate])
-            load.append(add_constant(series, origin))
+                    series = series + coordinate * factor
+            load.append(series + origin)
         return load
 
     def points(self, coordinates: Array) -> Array:
@@ -181,7 +181,7 @@ def tighten_limits(task: Task) -> Task:
     limits = _scale_limits(task.limits, LIMIT_TIGHTENING)
     rests = np.array(
         [
-            [float(series[0][0]) for series in task.to_load([[np.array([value])] for value in point])]
+            [float(series[0][0]) for series in task.to_load([Series([np.array([value])]) for value in point])]
             for point in (task.start, task.end, *task.via)
         ]
     )

@@ -20,7 +20,7 @@ import numpy as np
 from cranectl.planning.arithmetic import inputs
 from cranectl.planning.edges import Edge, edge_excesses
 from cranectl.planning.limits import Constraint, Limits, constraints, motion, side_distances
-from cranectl.reference import PLANNED_DEGREE, Number, Series, derivatives, from_derivatives, spline
+from cranectl.reference import PLANNED_DEGREE, Number, Series, derivatives, spline
 from cranectl.support import Array
 
 ORDERS = 6  # position and five derivatives, since the rate of the set-points contains the fifth
@@ -238,7 +238,7 @@ class Problem:
     def series_of(self, flat: Sequence[Number]) -> list[Series]:
         """Return the coordinates' series from their derivatives in time, order by order."""
         d = len(self.task.start)
-        return [from_derivatives(flat[j::d]) for j in range(d)]
+        return [Series.from_derivatives(flat[j::d]) for j in range(d)]
 
     def _bounded_constraints(self, coordinates: list[Series]) -> list[BoundedConstraint]:
         """Return the constraints that hold at every sample, with their bounds, and the efforts."""
@@ -252,7 +252,7 @@ class Problem:
             if constraint.name.endswith(EFFORT_SUFFIX):
                 bounds.append(BoundedConstraint(constraint, None, 1.0))
         if self.task.is_monotone:
-            rates = [Constraint("progress", [c[1]], 0.0, np.inf, 1.0) for c in coordinates]
+            rates = [Constraint("progress", Series([c[1]]), 0.0, np.inf, 1.0) for c in coordinates]
             bounds += [BoundedConstraint(rate, 0.0, -1.0) for rate in rates]
         return bounds
 
@@ -277,7 +277,7 @@ class Problem:
         weights = (1.0 - share) * instants[passage.begin] + share * instants[passage.end]
 
         def bounded(coordinates: list[Series]) -> list[BoundedConstraint]:
-            crane_motion = motion(self.task.to_load([c[:3] for c in coordinates]), limits.gravity)
+            crane_motion = motion(self.task.to_load([Series(c[:3]) for c in coordinates]), limits.gravity)
             return [
                 BoundedConstraint(Constraint(box.name, distance, 0.0, np.inf, limits.size), 0.0, -1.0)
                 for distance in side_distances(crane_motion, box, limits.radius, passage.side)
@@ -289,7 +289,7 @@ class Problem:
 def series_along(breaks: Array, coefficients: Array, degree: int, time: Array) -> list[Series]:
     """Return the series at `time` (N,) [s] of the coordinates of a spline with `coefficients` (n, d)."""
     rows = [curve(time) for curve in derivatives(spline(breaks, coefficients, degree), ORDERS)]
-    return [from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
+    return [Series.from_derivatives([row[:, j] for row in rows]) for j in range(coefficients.shape[1])]
 
 
 def _split_efforts(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from cranectl.planning.arithmetic import Interval, interval, stacked, unbound_nan
 from cranectl.planning.limits import SIDES, Limits, constraints, motion, side_distances
 from cranectl.planning.problem import ORDERS, ToLoad
-from cranectl.reference import Series, from_derivatives
+from cranectl.reference import Series
 from cranectl.support import Array
 
 PROOF_MARGIN = 1e-9  # tolerated excess of a limit, as a share of its scale, or in metres for obstacles
@@ -201,7 +201,7 @@ def _margins(pieces: PolynomialPieces, limits: Limits, to_load: ToLoad) -> Itera
     d = pieces.derivatives[0].low.shape[2]
     whole, middle = (
         motion(
-            to_load([from_derivatives([enclose(k, j) for k in range(ORDERS + 1)]) for j in range(d)]),
+            to_load([Series.from_derivatives([enclose(k, j) for k in range(ORDERS + 1)]) for j in range(d)]),
             limits.gravity,
         )
         for enclose in (pieces.hull, pieces.middle)

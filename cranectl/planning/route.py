@@ -9,7 +9,7 @@ from cranectl.planning.checks import check_height_over
 from cranectl.planning.limits import SIDES, Box, Limits, clearance, motion
 from cranectl.planning.problem import Passage
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.reference import time_law
+from cranectl.reference import Series, time_law
 from cranectl.support import Array
 
 GUESS_POINTS = 401
@@ -75,7 +75,7 @@ def find_passages(
     passages: list[Passage] = []
     instants: list[float] = []
     zero = np.zeros(len(guess))
-    crane_motion = motion([[column, zero, zero] for column in guess.T], limits.gravity)
+    crane_motion = motion([Series([column, zero, zero]) for column in guess.T], limits.gravity)
     for index, box in enumerate(limits.obstacles):
         is_clear = clearance(crane_motion, box, limits.radius) >= 0.0
         first = begin = 0

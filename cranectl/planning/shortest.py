@@ -8,7 +8,7 @@ from cranectl.planning.checks import MAX_TRIED_DURATION, check_excesses
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
-from cranectl.reference import Geometry, from_derivatives, time_law
+from cranectl.reference import Geometry, Series, time_law
 from cranectl.scenario import MAX_DURATION
 
 TIME_LAW_DEGREE = 9
@@ -88,5 +88,5 @@ def peak_excesses(geometry: Geometry, limits: Limits, duration: float) -> dict[s
     """Return the peak excess over each limit at samples, as a share of it; negative values are slack."""
     progress = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
     in_time = progress * (duration ** -np.arange(float(ORDERS)))[:, None]
-    crane_motion = motion(geometry([from_derivatives(list(in_time))]), limits.gravity)
+    crane_motion = motion(geometry([Series.from_derivatives(list(in_time))]), limits.gravity)
     return {name: float(over.max()) - PROOF_MARGIN for name, over in excesses(crane_motion, limits).items()}

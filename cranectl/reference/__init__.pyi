@@ -12,7 +12,6 @@ from .geometry import derivatives_at as derivatives_at
 from .geometry import expand_about as expand_about
 from .geometry import gather as gather
 from .geometry import geometry_of as geometry_of
-from .geometry import pad as pad
 from .geometry import parts_of as parts_of
 from .geometry import position_at as position_at
 from .geometry import select_between as select_between
@@ -22,13 +21,6 @@ from .point_splines import interpolate_way_points as interpolate_way_points
 from .sanity import check_length as check_length
 from .series import Number as Number
 from .series import Series as Series
-from .series import add as add
-from .series import add_constant as add_constant
-from .series import differentiate as differentiate
-from .series import divide as divide
-from .series import from_derivatives as from_derivatives
-from .series import multiply as multiply
-from .series import take_root as take_root
 from .time_laws import PLANNED_DEGREE as PLANNED_DEGREE
 from .time_laws import REST_DERIVATIVES as REST_DERIVATIVES
 from .time_laws import Law as Law

@@ -17,14 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly, BSpline
 
-from cranectl.reference.series import (
-    Number,
-    Series,
-    add_constant,
-    cosine_and_sine,
-    from_derivatives,
-    multiply,
-)
+from cranectl.reference.series import Number, Series
 from cranectl.reference.time_laws import Law, progress, spline
 from cranectl.scenario import Along, Arc, BlendedPath, Line, Spline, check_moves
 from cranectl.support import Array, InputError
@@ -45,7 +38,7 @@ class Straight:
         """Return the series of x, y, z from the series of s."""
         (progress,) = coordinates
         axes = zip((self.end - self.start).tolist(), self.start.tolist(), strict=True)
-        return [add_constant([c * travel for c in progress], origin) for travel, origin in axes]
+        return [progress * travel + origin for travel, origin in axes]
 
     @property
     def length(self) -> float:
@@ -70,14 +63,10 @@ class Circular:
         """Return the series of x, y, z from the series of s."""
         (progress,) = coordinates
         x, y = (self.start[:2] - self.centre).tolist()
-        cosine, sine = cosine_and_sine([c * self.angle for c in progress])
-        axes = (
-            [c * x - s * y for c, s in zip(cosine, sine, strict=True)],
-            [c * y + s * x for c, s in zip(cosine, sine, strict=True)],
-            [c * 0.0 for c in progress],
-        )
+        cosine, sine = (progress * self.angle).cos_sin()
+        axes = (cosine * x - sine * y, cosine * y + sine * x, progress * 0.0)
         centre = *self.centre.tolist(), float(self.start[2])
-        return [add_constant(axis, origin) for axis, origin in zip(axes, centre, strict=True)]
+        return [axis + origin for axis, origin in zip(axes, centre, strict=True)]
 
     @property
     def length(self) -> float:
@@ -99,13 +88,13 @@ class Polynomial:
     def __call__(self, coordinates: list[Series]) -> list[Series]:
         """Return the series of x, y, z from the series of s."""
         (progress,) = coordinates
-        rate = progress[1:]
+        rate = Series(progress[1:])
         powers = [rate]
         while len(powers) < len(rate):
-            powers.append(multiply(powers[-1], rate))
+            powers.append(powers[-1] * rate)
         load = []
         for outer in expand_about(progress[0], self.coefficients, len(progress)):
-            series = [outer[0]]
+            series = Series([outer[0]])
             for order in range(1, len(progress)):
                 value = outer[1] * powers[0][order - 1]
                 for k in range(2, order + 1):
@@ -124,8 +113,8 @@ def expand_about(s: Number, coefficients: Array, count: int) -> list[Series]:
 
     Coefficients beyond the polynomial's degree are zero.
     """
-    expanded = pad(shift_powers(list(coefficients), s[:, None] - 0.5), count)
-    return [[coefficient[:, axis] for coefficient in expanded] for axis in range(3)]
+    expanded = shift_powers(list(coefficients), s[:, None] - 0.5).padded(count)
+    return [Series(coefficient[:, axis] for coefficient in expanded) for axis in range(3)]
 
 
 @singledispatch
@@ -144,14 +133,9 @@ def gather(like: Number, parts: list[tuple[NDArray[np.intp], Number]]) -> Number
     return value
 
 
-def pad(series: Series, count: int) -> Series:
-    """Return the first `count` coefficients of a series, with zeros where it has fewer."""
-    return series[:count] + [series[0] * 0.0] * (count - len(series))
-
-
 def shift_powers(coefficients: Sequence[Array | float], origin: Number) -> Series:
     """Return the coefficients in powers of x - `origin` from those in powers of x, by Horner's scheme."""
-    shifted: Series = [origin * 0.0 + coefficient for coefficient in coefficients]
+    shifted = Series(origin * 0.0 + coefficient for coefficient in coefficients)
     for first in range(len(shifted) - 1):
         for k in range(len(shifted) - 2, first - 1, -1):
             shifted[k] = shifted[k] + origin * shifted[k + 1]
@@ -195,14 +179,13 @@ class Chain:
         for k, (begin, end) in enumerate(itertools.pairwise(edges.tolist())):
             index, inside = select_between(first, low[k], high[k])
             if len(index):
-                series = [inside, *(c[index] for c in progress[1:])]
-                scale = 1.0 / (end - begin)
-                parts.append((index, self.segments[k]([[c * scale for c in add_constant(series, -begin)]])))
+                series = Series([inside, *(c[index] for c in progress[1:])])
+                parts.append((index, self.segments[k]([(series + -begin) * (1.0 / (end - begin))])))
         return [
-            [
+            Series(
                 gather(first, [(index, load[axis][order]) for index, load in parts])
                 for order in range(len(progress))
-            ]
+            )
             for axis in range(3)
         ]
 
@@ -219,13 +202,13 @@ class GeometricPath:
     time_law: Law
 
     def sample(self, time: Array) -> Array:
-        load = self.geometry([from_derivatives(list(progress(self.time_law, time, self.duration)))])
+        load = self.geometry([Series.from_derivatives(list(progress(self.time_law, time, self.duration)))])
         return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
 
 
 def position_at(geometry: Geometry | Polynomial, s: float) -> Array:
     """Return the position of the load at s, (3,) [m]."""
-    return np.array([float(series[0][0]) for series in geometry([[np.array([s])]])])
+    return np.array([float(series[0][0]) for series in geometry([Series([np.array([s])])])])
 
 
 def geometry_of(segment: Along | Spline, start: Array, where: str = "segment") -> Geometry:
@@ -291,5 +274,5 @@ def blend_corner(before: LineOrArc, after: LineOrArc, taken: float) -> Polynomia
 
 def derivatives_at(part: LineOrArc, s: float) -> Array:
     """Return position and derivatives with respect to length at s, (MATCHED_ORDERS, 3)."""
-    along = [np.array([value]) for value in (s, 1.0 / part.length, *[0.0] * (MATCHED_ORDERS - 2))]
+    along = Series([np.array([s]), np.array([1.0 / part.length])]).padded(MATCHED_ORDERS)
     return np.array([[float(c[0]) * factorial(k) for k, c in enumerate(axis)] for axis in part([along])]).T

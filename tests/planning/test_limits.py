@@ -22,7 +22,7 @@ from cranectl.planning.limits import (
     side_distances,
 )
 from cranectl.planning.proof import polynomial_pieces
-from cranectl.reference.series import from_derivatives
+from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import ALPHA, ALPHA_RATE, BETA, BETA_RATE, ROPE
@@ -44,7 +44,7 @@ def random_jets(count: int, seed: int = 1) -> np.ndarray:
 
 
 def crane_motion(rows: np.ndarray) -> Motion:
-    return motion([from_derivatives(list(rows[:, :, axis].T)) for axis in range(3)], LIMITS.gravity)
+    return motion([Series.from_derivatives(list(rows[:, :, axis].T)) for axis in range(3)], LIMITS.gravity)
 
 
 def values(rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -17,7 +17,7 @@ from cranectl.planning.limits import (
     side_distances,
 )
 from cranectl.planning.proof import Proof, prove
-from cranectl.reference.series import from_derivatives
+from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from tests.planning.tasks import CASES_OF_1000, scenario
 
@@ -50,7 +50,9 @@ def values(kind: str, coefficients: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Return the quantity that a limit of that kind bounds from above."""
     curve = spline(BREAKS, coefficients, 7)
     rows = [curve.derivative(k)(time) if k else curve(time) for k in range(6)]
-    crane_motion = motion([from_derivatives([row[:, j] for row in rows]) for j in range(3)], WIDE.gravity)
+    crane_motion = motion(
+        [Series.from_derivatives([row[:, j] for row in rows]) for j in range(3)], WIDE.gravity
+    )
     if kind.startswith("box"):
         box = Box("box", *np.zeros((2, 3)))
         return -np.min([d[0] for d in side_distances(crane_motion, box, WIDE.radius, kind[4:])], axis=0)

@@ -5,9 +5,9 @@ from math import cosh, factorial, sinh
 import numpy as np
 import pytest
 
-from cranectl.reference import series
+from cranectl.reference.series import Series, square_root
 
-A, B = [2.0, -3.0, 0.5, 4.0, -1.5], [4.0, 1.0, -2.0, 0.25, 3.0]
+A, B = Series([2.0, -3.0, 0.5, 4.0, -1.5]), Series([4.0, 1.0, -2.0, 0.25, 3.0])
 ROUNDING = 1e-14
 
 
@@ -21,40 +21,48 @@ def product(*factors: list[float]) -> list[float]:
 
 def test_derivatives_become_coefficients_and_are_differentiated() -> None:
     values = [3.0, -5.0, 7.0, 11.0, -13.0]
-    coefficients = series.from_derivatives(values)
+    coefficients = Series.from_derivatives(values)
     assert coefficients == pytest.approx(
         [value / factorial(k) for k, value in enumerate(values)], rel=ROUNDING
     )
-    assert series.differentiate(coefficients, 0) == coefficients
+    assert coefficients.derivative(0) == coefficients
     for times in (1, 2, 3):
-        rates = series.differentiate(coefficients, times)
-        assert rates == pytest.approx(series.from_derivatives(values[times:]), rel=ROUNDING)
+        rates = coefficients.derivative(times)
+        assert rates == pytest.approx(Series.from_derivatives(values[times:]), rel=ROUNDING)
 
 
 def test_sums_are_as_long_as_the_shorter_one() -> None:
-    assert series.add(A, B[:3]) == [6.0, -2.0, -1.5]
-    assert series.add_constant(A, 0.5) == [2.5, *A[1:]]
+    assert A + Series(B[:3]) == [6.0, -2.0, -1.5]
+    assert A - Series(B[:3]) == [-2.0, -4.0, 2.5]
+
+
+def test_a_number_is_a_constant() -> None:
+    assert [2.5, *A[1:]] == A + 0.5
+    assert [1.5, *A[1:]] == A - 0.5
+    assert [-1.5, *(-A)[1:]] == 0.5 - A
+    assert A * 2.0 == [4.0, -6.0, 1.0, 8.0, -3.0]
+    assert Series(A[:2]).padded(3) == [2.0, -3.0, 0.0]
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 5])
 def test_products_quotients_and_roots_undo_each_other(length: int) -> None:
-    a, b = A[:length], B[:length]
-    assert series.multiply(a, B) == pytest.approx(product(a, b), rel=ROUNDING)
-    assert product(series.divide(A, b), b) == pytest.approx(a, rel=ROUNDING)
-    assert product(series.take_root(b), series.take_root(b)) == pytest.approx(b, rel=ROUNDING)
-    assert series.take_root(b)[0] == series.square_root(4.0) == 2.0
-    assert series.square_root(np.array([9.0])).tolist() == [3.0]
+    a, b = Series(A[:length]), Series(B[:length])
+    assert a * B == pytest.approx(product(a, b), rel=ROUNDING)
+    assert product(A / b, b) == pytest.approx(a, rel=ROUNDING)
+    assert product(b.sqrt(), b.sqrt()) == pytest.approx(b, rel=ROUNDING)
+    assert b.sqrt()[0] == square_root(4.0) == 2.0
+    assert square_root(np.array([9.0])).tolist() == [3.0]
 
 
 def test_cosine_and_sine_are_those_of_complex_exponentials() -> None:
     """Compare with e^(i a) at a = a0 + a1 t + …, summed over its powers."""
-    angle = [0.7, -1.3, 0.4, 0.9, -0.2]
+    angle = Series([0.7, -1.3, 0.4, 0.9, -0.2])
     power, whole = np.array([1.0 + 0.0j, 0, 0, 0, 0]), np.zeros(5, dtype=complex)
     for k in range(5):
         whole += power / factorial(k)
         power = np.convolve(power, 1j * np.array([0.0, *angle[1:]]))[:5]
     whole *= np.exp(1j * angle[0])
-    cosine, sine = series.cosine_and_sine(angle)
+    cosine, sine = angle.cos_sin()
     assert cosine == pytest.approx(whole.real.tolist(), abs=ROUNDING)
     assert sine == pytest.approx(whole.imag.tolist(), abs=ROUNDING)
 
@@ -79,5 +87,5 @@ class Symbol:
 
 
 def test_other_kinds_of_numbers_use_their_own_functions() -> None:
-    assert series.cosine_and_sine([Symbol(0.5)]) == ([cosh(0.5)], [sinh(0.5)])
-    assert series.square_root(Symbol(2.0)) == 14.0
+    assert Series([Symbol(0.5)]).cos_sin() == ([cosh(0.5)], [sinh(0.5)])
+    assert square_root(Symbol(2.0)) == 14.0

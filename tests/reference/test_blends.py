@@ -6,7 +6,7 @@ import pytest
 from cranectl.planning.arithmetic import Interval
 from cranectl.planning.blends import deviation, path_with_blends
 from cranectl.reference.geometry import Geometry, Polynomial, blend_corner, geometry_of, parts_of
-from cranectl.reference.series import from_derivatives
+from cranectl.reference.series import Series
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.support.errors import InputError
 
@@ -49,7 +49,7 @@ def random_corner(seed: int) -> tuple[np.ndarray, list[Line | Arc]]:
 
 def derivatives(path: Geometry | Polynomial, s: np.ndarray) -> np.ndarray:
     """Return derivatives with respect to s, (ORDERS, N, 3)."""
-    series = from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * (ORDERS - 2)])
+    series = Series.from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * (ORDERS - 2)])
     factors = np.cumprod([1.0, *range(1, ORDERS)])
     return np.array(
         [[c * f for c, f in zip(axis, factors, strict=True)] for axis in path([series])]
@@ -110,7 +110,7 @@ def test_the_enclosure_of_an_interval_contains_all_points_of_a_chain(seed: int) 
     low = random.uniform(0.0, 1.0, 200)
     high = np.minimum(low + 10.0 ** random.uniform(-6.0, -0.5, 200), 1.0)
     one, zero = np.ones(200), np.zeros(200)
-    series = from_derivatives([Interval(low, high), Interval(one, one), *[Interval(zero, zero)] * 4])
+    series = Series.from_derivatives([Interval(low, high), Interval(one, one), *[Interval(zero, zero)] * 4])
     enclosed = chain([series])
     for part in np.linspace(0.0, 1.0, 11):
         points = derivatives(chain, low + part * (high - low))
