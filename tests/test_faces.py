@@ -1,0 +1,103 @@
+"""Faces of rooms: the stub files by which others use a room, and nothing else."""
+
+import ast
+import importlib
+import inspect
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cranectl.support.sources import exported, imported_files
+from tests.conftest import ROOT
+
+PACKAGE = ROOT / "cranectl"
+FACES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.pyi"))
+IMPORT = re.compile(r"from (?:cranectl)?\.(\w+) import (\([^)]*\)|.*)")
+# What the contracts of import-linter forbid even through others, which they cannot see behind faces.
+KEPT_APART = {
+    "plants/mujoco": ("model/", "controllers/", "plants/analytic", "plants/elastic/"),
+    "plants/elastic": ("model/", "controllers/", "plants/analytic", "plants/mujoco/"),
+    "plants/drake": ("model/", "controllers/", "plants/analytic", "plants/elastic/", "plants/mujoco/"),
+    "model": ("plants/",),
+    "controllers": ("plants/",),
+}
+
+
+def imports_of_rooms() -> Iterator[tuple[Path, str, str, list[str]]]:
+    """Yield file, room, module and names of each import of a room with a face from outside of it."""
+    for path in PACKAGE.rglob("*.py"):
+        own = path.relative_to(PACKAGE).parts[0]
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            for module in modules:
+                room = (*module.split("."), "")[1]
+                if module.startswith("cranectl.") and room in FACES and room != own:
+                    yield path, room, module, [alias.name for alias in node.names]
+
+
+def names_of(room: str) -> set[str]:
+    return set(importlib.import_module(f"cranectl.{room}").__all__)
+
+
+def test_every_room_of_the_core_has_a_face() -> None:
+    core = {"compare", "controllers", "design", "log", "mcap_columns", "metrics", "model", "plants"}
+    assert set(FACES) >= core | {"reference", "scenario", "simulate", "support"}
+
+
+def test_nobody_imports_behind_a_face() -> None:
+    deeper = [
+        f"{path.relative_to(ROOT)}: {module}"
+        for path, room, module, _ in imports_of_rooms()
+        if module != f"cranectl.{room}" and path.name != "__main__.py"
+    ]
+    assert deeper == []
+
+
+def test_a_face_has_the_names_that_others_use() -> None:
+    """A name that nobody uses any more leaves; the package's own face and tests count as users."""
+    used = defaultdict(set)
+    for _, room, _, names in imports_of_rooms():
+        used[room].update(names)
+    users = [PACKAGE / "__init__.pyi", *ROOT.glob("docs/**/*.md")]
+    users += [path for folder in ("tests", "validation") for path in (ROOT / folder).rglob("*.py")]
+    for path in users:
+        for room, names in IMPORT.findall(path.read_text(encoding="utf-8")):
+            used[room].update(re.findall(r"\w+", names))
+    for room in FACES:
+        assert used[room] >= names_of(room), (room, names_of(room) - used[room])
+
+
+@pytest.mark.parametrize("room", FACES)
+def test_names_of_a_face_exist_and_say_what_they_are(room: str) -> None:
+    face = importlib.import_module(f"cranectl.{room}")
+    assert inspect.getdoc(face), room
+    for name in names_of(room):
+        found = getattr(face, name)
+        if inspect.isfunction(found) or (inspect.isclass(found) and found.__module__.startswith("cranectl")):
+            assert inspect.getdoc(found), f"{room}.{name}"
+
+
+@pytest.mark.parametrize("folder", KEPT_APART)
+def test_models_share_no_equations_even_through_faces(folder: str) -> None:
+    reached = imported_files(*(PACKAGE / folder).rglob("*.py"))
+    names = {path.relative_to(PACKAGE).as_posix() for path in reached}
+    assert not [name for name in names if name.startswith(KEPT_APART[folder])]
+
+
+def test_a_chain_through_a_face_is_found(tmp_path: Path) -> None:
+    """Imports are followed to the module that a face takes a name from, and to no other."""
+    (tmp_path / "inner.py").write_text("VALUE = 1\n")
+    (tmp_path / "other.py").write_text("MORE = 2\n")
+    (tmp_path / "__init__.pyi").write_text(
+        "from .inner import VALUE as VALUE\nfrom .other import MORE as MORE\n"
+    )
+    assert exported(tmp_path) == {"VALUE": tmp_path / "inner.py", "MORE": tmp_path / "other.py"}
+    names = {
+        path.relative_to(PACKAGE).as_posix() for path in imported_files(PACKAGE / "model" / "flatness.py")
+    }
+    assert "support/jit.py" in names
+    assert "support/children.py" not in names
