@@ -16,8 +16,8 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.driven import (
     DrivenPath,
     HandLimits,
-    driven_derivatives,
     drive,
+    driven_derivatives,
     rest_state,
     stopping_points,
 )

@@ -13,7 +13,7 @@ from cranectl.render.timeline import timeline_of
 from cranectl.signals import LOAD_COLUMN, TENSION_COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import resources
-from tests.scenario.test_drawn_size import similar
+from tests.scenario.test_drawing import similar
 
 WIDTH, HEIGHT = 480, 360
 
