@@ -11,7 +11,6 @@ from cranectl.scenario import (
     EffectNumbers,
     EffectSettings,
     Scenario,
-    check_size,
     held_files,
     nanoseconds,
     parse_settings,
@@ -54,7 +53,7 @@ def assumed_effects(scenario: Scenario) -> EffectNumbers:
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
     """Return `scenario` with exactly these effects; raise InputError if its settings forbid them."""
-    check_size(scenario.rig, effects)
+    scenario.rig.check_size(effects)
     table = {
         **scenario.model_dump(mode="json"),
         "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},

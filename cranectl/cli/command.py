@@ -190,11 +190,10 @@ class ScenarioRequest(NamedTuple):
 def _warn_of_masses(scenario: "Scenario") -> None:
     """Warn once in a command, on standard error, if masses of a crane are implausible."""
     from cranectl.cli.output import Screen, styled
-    from cranectl.scenario import mass_warning
 
     context = click.get_current_context(silent=True)
     printed = context.meta.setdefault("cranectl.warnings", set()) if context else set()
-    warning = mass_warning(scenario.rig)
+    warning = scenario.rig.mass_warning
     if warning and (scenario.name, warning) not in printed:
         printed.add((scenario.name, warning))
         Screen(stderr=True).print(styled(f"{scenario.name}: {warning}", "yellow"))

@@ -20,7 +20,6 @@ from cranectl.scenario import (
     MeasuredScenario,
     RigParameters,
     Scenario,
-    length_scale,
     longest_step,
     parse_settings,
 )
@@ -138,7 +137,7 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
     """Return what is known of a measured run in the words of a scenario."""
     period = float(time_ns[1]) / NANOSECONDS
     x, y, rope = table[0, :5:2].tolist()
-    step = LAB_STEP * sqrt(length_scale(rig.rope_range[1]))  # drives and swing of a larger crane are slower
+    step = LAB_STEP * sqrt(rig.length_scale)  # drives and swing of a larger crane are slower
     settings = {
         "name": mapping.name,
         "title": mapping.title,

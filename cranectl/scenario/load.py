@@ -13,16 +13,11 @@ from typing import Any
 from cranectl.scenario.along_path import Plannable
 from cranectl.scenario.effects import NO_LIMIT, DriveLimits, EffectSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import (
-    MAX_DEFAULT_STEP,
-    ControlSettings,
-    ReferenceSettings,
-    Scenario,
-    controller_table,
-)
+from cranectl.scenario.run_settings import ControlSettings, controller_table
+from cranectl.scenario.scenario import MAX_DEFAULT_STEP, ReferenceSettings, Scenario
 from cranectl.scenario.segments import Segment, Spline
 from cranectl.scenario.settings import Assigned, override, parse_settings
-from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
+from cranectl.scenario.similarity import completed_rig, completed_scenario
 from cranectl.support import (
     Array,
     InputError,
@@ -240,7 +235,7 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     if limited:
         limited |= _limits_in({"rig": of_rig}, *assigned, below="rig.")
     scenario = parse_settings(Scenario, _with_numbers(table, limited), source, Assigned(overrides, before))
-    check_size(scenario.rig, scenario.effects)
+    scenario.rig.check_size(scenario.effects)
     return scenario
 
 

@@ -1,20 +1,29 @@
 """Scenario files: what is run. Their form is checked here, their meaning where all parts are known."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, NO_LIMIT, DriveLimits, EffectSettings, Wind
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.scenario.run_settings import (
+    ControllerSettings,
+    ControlSettings,
+    InitialSettings,
+    LimitSettings,
+    LogSettings,
+    MetricSettings,
+    WorkspaceSettings,
+    controller_table,
+)
 from cranectl.scenario.segments import Segment, is_planned, seconds
 from cranectl.scenario.settings import (
-    LENGTH,
     MAX_MEASURED,
     MIN_DURATION,
     Duration,
@@ -23,6 +32,7 @@ from cranectl.scenario.settings import (
     RuleError,
     Settings,
 )
+from cranectl.scenario.similarity import assumed_settings
 from cranectl.support import exact_seconds
 
 STILL = Wind(gust=0.0, drag_area=0.0)
@@ -30,7 +40,6 @@ MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
 # [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
 MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
 STEP_ROUNDING = 1e-9  # of a step that just fits
-Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
 class ReferenceSettings(Settings):
@@ -48,89 +57,6 @@ class ReferenceSettings(Settings):
     def planned(self) -> bool:
         """Whether the timing of all segments is known; if not, `cranectl.reference` plans it."""
         return all(map(is_planned, self.segments))
-
-
-class InitialSettings(Settings):
-    """Offsets of the initial state from the reference; the crane moves with the reference otherwise."""
-
-    load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
-    alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
-    beta_offset: Angle = Field(0.0, description="of beta, under the offset trolley [rad]")
-
-
-class ControlSettings(Settings):
-    """Sampling of the control loop."""
-
-    period: Duration = Field(0.001, description="control period, input held [s]")
-    physics_step: Duration | None = Field(
-        None,
-        description="step of all plants [s]; divides the period; by default chosen so that the plants agree",
-    )
-    lag_compensation: bool = Field(
-        True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
-    )
-
-
-class ControllerSettings(Settings):
-    """The default controller, and a table of parameters for each controller, by name."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, dict[str, float | str]] = Field(init=False)
-
-    name: str = Field("pole-placement", description="the controller run by default")
-
-    @property
-    def parameters(self) -> dict[str, dict[str, float | str]]:
-        """Parameters by controller; those that are absent have their defaults."""
-        return self.__pydantic_extra__
-
-    @model_serializer
-    def _as_short_as_written(self) -> dict[str, Any] | str:
-        return {"name": self.name, **self.parameters} if self.parameters else self.name
-
-
-def controller_table(value: object) -> object:
-    """Return `controller = "lqr"` as a table with a name."""
-    return {"name": value} if isinstance(value, str) else value
-
-
-class WorkspaceSettings(Settings):
-    """What a run does if bridge, trolley or rope leave their range."""
-
-    on_exit: Literal["stop", "record"] = Field(
-        "stop", description="stop: end the run there; record: run on and report the violation"
-    )
-
-
-class LogSettings(Settings):
-    """The samples that a log has."""
-
-    every: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
-        4, description="log every n-th control sample"
-    )
-
-
-class MetricSettings(Settings):
-    """Settings of the metrics of a run."""
-
-    settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3), LENGTH] = Field(
-        0.005, description="error of the load below which it counts as settled [m]; a laboratory crane's"
-    )
-
-
-Bound = Annotated[float, Field(ge=0.0)]
-
-
-class LimitSettings(Settings):
-    """Limits on the metrics of runs, named as in `[limits]` of a campaign, or in tables for single plants."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Bound | dict[str, Bound]] = Field(init=False)
-
-    @property
-    def stated(self) -> dict[str, Bound | dict[str, Bound]]:
-        """The limits as written in the scenario; `metrics.limits` checks their names."""
-        return self.__pydantic_extra__
 
 
 class Scenario(Settings):
@@ -224,6 +150,15 @@ class Scenario(Settings):
         stated = self.effects.limits or of_rig
         unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= NO_LIMIT]
         return stated.model_copy(update={name: getattr(of_rig, name) for name in unlimited})
+
+    @property
+    def assumed_settings(self) -> set[str]:
+        """The dotted names of the numbers of crane and effects that are scaled from the laboratory rig.
+
+        They are found by their values, since a log does not have what was stated. So only lists and numbers
+        that scale count: to three digits, what is stated hardly equals them by chance.
+        """
+        return assumed_settings(self.rig, self.effects)
 
     @property
     def drive_limits_key(self) -> str:

@@ -1,5 +1,6 @@
 """Strict settings: parse TOML tables into frozen pydantic models, and report all mistakes at once."""
 
+import functools
 import json
 import re
 import shlex
@@ -13,10 +14,40 @@ from pydantic_core import ErrorDetails
 from cranectl.support import MAX_DEPTH, InputError, Table, assign, did_you_mean, mapped, printable, toml_value
 
 
+@dataclass(frozen=True)
+class Scaled:
+    """How a number scales with the size of a crane: powers of its length and of its mass.
+
+    It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
+    """
+
+    length: float = 0.0
+    mass: float = 0.0
+
+    def factor(self, length: float, mass: float = 1.0) -> float:
+        """Return the factor on the number if lengths and masses have these factors."""
+        factor: float = length**self.length * mass**self.mass
+        return factor
+
+    def sized(self, value: float, length: float, mass: float = 1.0) -> float:
+        """Return the laboratory rig's number `value` on another crane, to three digits if it differs."""
+        factor = self.factor(length, mass)
+        return value if factor == 1.0 else float(f"{factor * value:.3g}")
+
+
 class Settings(BaseModel):
     """Base of all settings: no unknown keys, no silent conversions, no NaN or infinity, frozen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def scale_of(cls, name: str) -> Scaled:
+        """Return how a number scales with the size of a crane, by its dotted name.
+
+        Ratios, angles, seeds, electronics, gravity and air have no scale.
+        """
+        scales = _scales_of(cls)
+        return scales.get(name) or scales.get(name.rpartition(".")[0], Scaled())
 
 
 T = TypeVar("T")
@@ -37,30 +68,20 @@ Point2 = Pair[Position]
 Point3 = Triple[Position]
 
 
-@dataclass(frozen=True)
-class Scaled:
-    """How a number scales with the size of a crane: powers of its length and of its mass.
-
-    It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
-    """
-
-    length: float = 0.0
-    mass: float = 0.0
-
-
 LENGTH, MASS, TIME, SPEED, RATE = Scaled(1.0), Scaled(0.0, 1.0), Scaled(0.5), Scaled(0.5), Scaled(-0.5)
 FORCE = MASS  # since gravity stays
 
 
-def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
+@functools.cache
+def _scales_of(model: type[BaseModel]) -> dict[str, Scaled]:
     """Return how the numbers of `model` scale, by dotted name; constant ones are left out."""
     result: dict[str, Scaled] = {}
     for name, field in model.model_fields.items():
-        key = f"{prefix}{name}"
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            result |= scales_of(field.annotation, f"{key}.")
+            nested = _scales_of(field.annotation)
+            result |= {f"{name}.{key}": scale for key, scale in nested.items()}
         scales = [item for item in field.metadata if isinstance(item, Scaled)]
-        names = [key] if len(scales) == 1 else [f"{key}.{k}" for k in range(len(scales))]
+        names = [name] if len(scales) == 1 else [f"{name}.{k}" for k in range(len(scales))]
         result |= dict(zip(names, scales, strict=True))
     return result
 
