@@ -11,10 +11,8 @@ from cranectl.scenario import (
     EffectNumbers,
     EffectSettings,
     Scenario,
-    held_files,
     nanoseconds,
     parse_settings,
-    with_files,
 )
 
 
@@ -61,7 +59,7 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
     added = parse_settings(
         Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}"
     )
-    return with_files(added, held_files(scenario))
+    return added.with_files(scenario.held_files)
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:

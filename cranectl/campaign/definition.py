@@ -19,10 +19,8 @@ from cranectl.scenario import (
     ALL_EFFECTS,
     NANOSECONDS,
     Scenario,
-    held_files,
     nanoseconds,
     parse_settings,
-    with_files,
 )
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
@@ -137,7 +135,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
         assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
-    return with_files(parse_settings(Scenario, table, source), held_files(campaign.nominal))
+    return parse_settings(Scenario, table, source).with_files(campaign.nominal.held_files)
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:

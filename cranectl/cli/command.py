@@ -166,10 +166,8 @@ class ScenarioRequest(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario import default_scenario, read_scenario
+        from cranectl.scenario import read_scenario
 
-        if self.source is None:
-            return default_scenario(rig=self.rig, overrides=self.overrides)
         return read_scenario(self.source, rig=self.rig, overrides=self.overrides)
 
     def load(self) -> "Scenario":

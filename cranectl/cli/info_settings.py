@@ -124,7 +124,6 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
     from cranectl.report.table import Table, cells
-    from cranectl.scenario import changed_from_default
     from cranectl.support import plain
 
     scenario = request.read()
@@ -145,7 +144,7 @@ def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     assumed = scenario.assumed_settings
     rows = tuple(
         cells(name, plain(value), "scaled to the crane" if name in assumed else "")
-        for name, value in changed_from_default(scenario).items()
+        for name, value in scenario.changed_from_default.items()
     )
     title = "Settings that are not the default"
     screen.print(Table(title, ("setting", "value", ""), rows, labels=3) if rows else "All settings: default")

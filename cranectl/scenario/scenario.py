@@ -1,7 +1,8 @@
 """Scenario files: what is run. Their form is checked here, their meaning where all parts are known."""
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, NO_LIMIT, DriveLimits, EffectSettings, Wind
+from cranectl.scenario.held_files import files_of, with_files
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import (
@@ -33,12 +35,15 @@ from cranectl.scenario.settings import (
     Settings,
 )
 from cranectl.scenario.similarity import assumed_settings
-from cranectl.support import exact_seconds
+from cranectl.support import differences, exact_seconds, leaves
 
 STILL = Wind(gust=0.0, drag_area=0.0)
 MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
 # [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
 MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
+OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
+# The rig's numbers of effects are not reported either: the effects of the run have them.
+NOT_REPORTED: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
 STEP_ROUNDING = 1e-9  # of a step that just fits
 
 
@@ -208,6 +213,39 @@ class Scenario(Settings):
         """Control periods between a command and its arrival at the drives."""
         delay = self.effects.delay
         return round(delay.seconds * NANOSECONDS / self.period_ns) if delay else 0
+
+    @property
+    def changed_from_default(self) -> dict[str, Any]:
+        """Settings that differ from their defaults, by dotted name, without keys of every scenario."""
+        usual_step = ControlSettings(physics_step=self.control.physics_step and MAX_DEFAULT_STEP)
+        start = ReferenceSettings(start=(0.0, 0.0, 0.0))
+        default = Scenario(name="default", duration=1.0, reference=start, control=usual_step)
+        usual, requested = (
+            settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, self)
+        )
+        changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
+        return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
+
+    def idle_effects(self, stated: Iterable[str]) -> tuple[str, ...]:
+        """Return the effects that the scenario lacks although `stated` sets numbers of the rig for them."""
+        named = {name.split(".")[2] for name in stated if name.startswith("rig.effects.")}
+        return tuple(name for name, effect in self.effects if name in named and effect is None)
+
+    @property
+    def held_files(self) -> dict[str, bytes]:
+        """The contents of the files that a log of the scenario attaches, by unique names."""
+        return files_of(self.reference.segments)
+
+    def with_files(self, files: Mapping[str, bytes]) -> Self:
+        """Return the scenario, which was read from a table, with the `held_files` that it had.
+
+        Raises InputError for claims that are not JSON.
+        """
+        if not files:
+            return self
+        segments = with_files(self.reference.segments, files)
+        reference = self.reference.model_copy(update={"segments": segments})
+        return self.model_copy(update={"reference": reference})
 
     @property
     def steps(self) -> int:

@@ -15,7 +15,6 @@ from cranectl.planning.review import reviews
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath, SplineLaw
-from cranectl.scenario.load import held_files
 from cranectl.scenario.segments import Spline, seconds
 from cranectl.simulate import simulate_run
 from tests.reference.recordings import largest_excess
@@ -158,7 +157,7 @@ def test_a_log_contains_the_path_and_replays_to_the_bit(path: str, monkeypatch: 
     if path == "way points":
         Path("points.csv").unlink()
     run = read_log("path.mcap")["analytic"]
-    kept = {*held_files(run.scenario)}
+    kept = {*run.scenario.held_files}
     assert "reference/plan.json" in kept  # what was proven when it was planned
     assert len(kept) == 1 + (path == "way points")
     (segment,) = run.scenario.reference.segments
