@@ -15,13 +15,7 @@ import numpy as np
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import plant_entry
-from cranectl.scenario import (
-    ALL_EFFECTS,
-    NANOSECONDS,
-    Scenario,
-    nanoseconds,
-    parse_settings,
-)
+from cranectl.scenario import ALL_EFFECTS, NANOSECONDS, Scenario, nanoseconds, parse_settings
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
     Array,

@@ -21,13 +21,7 @@ from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
 from cranectl.design import ControllerDesign, Design, Origin, Value
-from cranectl.scenario import (
-    MAX_DURATION,
-    MIN_DURATION,
-    DesignSettings,
-    RigParameters,
-    Scaled,
-)
+from cranectl.scenario import MAX_DURATION, MIN_DURATION, DesignSettings, RigParameters, Scaled
 from cranectl.signals import Signal
 from cranectl.support import Array, InputError, check_fields, check_known, check_name, check_whole, shown
 

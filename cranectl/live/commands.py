@@ -19,10 +19,7 @@ from cranectl.design import ControllerDesign, with_gain
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import HandLimits
-from cranectl.scenario import (
-    Scaled,
-    Scenario,
-)
+from cranectl.scenario import Scaled, Scenario
 from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
 from cranectl.support import InputError, check_known, printable
 

@@ -18,11 +18,7 @@ from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry, plant_entry
-from cranectl.scenario import (
-    MeasuredScenario,
-    Scenario,
-    parse_settings,
-)
+from cranectl.scenario import MeasuredScenario, Scenario, parse_settings
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus

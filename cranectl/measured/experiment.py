@@ -17,10 +17,7 @@ from cranectl.measured.replay import (
     with_longer_steps,
 )
 from cranectl.measured.responses import white_noise
-from cranectl.scenario import (
-    NANOSECONDS,
-    RigParameters,
-)
+from cranectl.scenario import NANOSECONDS, RigParameters
 from cranectl.signals import STATE
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask

@@ -15,12 +15,7 @@ from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
 from cranectl.measured.identification import MAX_READINGS, Estimate, estimates_of
 from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
-from cranectl.scenario import (
-    NANOSECONDS,
-    RigParameters,
-    nanoseconds,
-    parse_settings,
-)
+from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds, parse_settings
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, at_least, at_most
 

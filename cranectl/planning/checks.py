@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.scenario import MAX_DURATION, Scenario, is_planned, scenarios_in
+from cranectl.scenario import MAX_DURATION, Scenario, scenarios_in
 from cranectl.support import MAX_PLANNED, Array, InputError
 
 MAX_TRIED_DURATION = 1e4  # [s]; longer than a run may be, since the search may still find a faster motion
@@ -30,7 +30,7 @@ LIMIT_KEYS = {
 
 def check_count(scenario: Scenario) -> None:
     """Raise InputError for more segments whose timing is left open than are planned for a scenario."""
-    count = sum(not is_planned(segment) for segment in scenario.reference.segments)
+    count = sum(not segment.is_planned for segment in scenario.reference.segments)
     if count > MAX_PLANNED:
         raise InputError(
             f"{scenario.name}: {count} segments leave their timing open, and planning takes seconds for each",

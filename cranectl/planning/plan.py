@@ -43,22 +43,17 @@ from cranectl.reference import (
 )
 from cranectl.scenario import (
     MAX_DURATION,
-    MINIMUM_TIME,
     Along,
-    AlongPath,
     Arc,
     BlendedPath,
     Line,
     Move,
-    Plannable,
     Samples,
     Scenario,
     Segment,
     Spline,
     SplineLaw,
     WayPoints,
-    is_planned,
-    seconds,
 )
 from cranectl.support import Array, InputError, kept
 
@@ -86,11 +81,11 @@ def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
         where = f"reference.segments.{index - len(to_blend)}"
         if to_blend and isinstance(segment, Line | Arc):
             segment, to_blend = path_with_blends([*to_blend, segment], point, where), []
-        ready = [segment] if is_planned(segment) else _prepare(segment, point, scenario, directory, where)
+        ready = [segment] if segment.is_planned else _prepare(segment, point, scenario, directory, where)
         for planned in ready:
             segments.append(planned)
             point = end_point(planned, point)
-    length = sum(map(seconds, segments))
+    length = sum(segment.seconds for segment in segments)
     check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     # The share of the plan stays, even if a run adds effects.
@@ -105,10 +100,10 @@ def _prepare(
         return [fit_samples(segment, start, scenario, directory, where)]
     if isinstance(segment, WayPoints):
         ready = interpolate_way_points(segment, start, scenario, directory, where)
-        if all(map(is_planned, ready)):
+        if all(segment.is_planned for segment in ready):
             return ready
         (segment,) = ready
-    assert isinstance(segment, AlongPath | Spline | Move)
+    assert isinstance(segment, Along | Spline | Move)
     return _plan_segment(segment, start, scenario, where)
 
 
@@ -122,9 +117,7 @@ def _plan_segment(
             "plans", [key, version("clarabel")], lambda: _plan_as_json(segment, start, scenario, where)
         )
         plans = _PLANS.validate_json(text)
-        _SEGMENTS[key] = [
-            planned.claiming(claim) if isinstance(planned, Plannable) else planned for planned, claim in plans
-        ]
+        _SEGMENTS[key] = [planned.claiming(claim) for planned, claim in plans]
     return [
         planned.holding(segment.held)
         if isinstance(planned, Spline) and isinstance(segment, Spline)
@@ -136,7 +129,7 @@ def _plan_segment(
 def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
     if isinstance(segment, Move):
         segments = plan_move(segment, start, scenario, where)
-    elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
+    elif isinstance(segment, BlendedPath) and segment.is_in_minimum_time:
         segments = plan_with_blends(segment, start, scenario, where)
     else:
         segments = [plan_along(segment, start, scenario, where)]
@@ -163,7 +156,7 @@ def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where:
     check_point(end, limits, f"{where}: its end")
     check_least_time(start, end, limits, where)
     quickest = np.inf
-    if segment.time_law == MINIMUM_TIME:
+    if segment.is_in_minimum_time:
         motion = _find_faster(
             along_path(geometry, limits, estimate_shortest_duration(geometry, limits, where)), scenario
         )
@@ -187,7 +180,7 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
     geometry = geometry_of(segment, start, where)
     limits = limits_for(geometry.length, scenario)
     time_laws = [
-        (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
+        (time_law_of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
     return [_set_time_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)

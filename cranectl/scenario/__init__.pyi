@@ -1,13 +1,8 @@
-from .along_path import MINIMUM_TIME as MINIMUM_TIME
-from .along_path import SHORTEST as SHORTEST
 from .along_path import Along as Along
-from .along_path import AlongPath as AlongPath
 from .along_path import Arc as Arc
 from .along_path import BlendedPath as BlendedPath
 from .along_path import Line as Line
-from .along_path import Plannable as Plannable
 from .along_path import SplineLaw as SplineLaw
-from .along_path import check_moves as check_moves
 from .design import FASTEST as FASTEST
 from .design import SLOWEST as SLOWEST
 from .design import DesignSettings as DesignSettings
@@ -46,14 +41,10 @@ from .load import scenario_file as scenario_file
 from .load import scenario_names as scenario_names
 from .load import scenarios_in as scenarios_in
 from .origins import RigOrigins as RigOrigins
-from .recorded import MAX_RECORDED_CHANGES as MAX_RECORDED_CHANGES
-from .recorded import SETTLING_TIME as SETTLING_TIME
-from .recorded import TO_START as TO_START
 from .recorded import Driven as Driven
 from .recorded import FitNumbers as FitNumbers
 from .recorded import FromFile as FromFile
 from .recorded import Source as Source
-from .recorded import Units as Units
 from .recorded import without_file_names as without_file_names
 from .rig import ModelNames as ModelNames
 from .rig import RigParameters as RigParameters
@@ -66,8 +57,6 @@ from .scenario import ReferenceSettings as ReferenceSettings
 from .scenario import Scenario as Scenario
 from .scenario import default_step as default_step
 from .scenario import longest_step as longest_step
-from .segments import MAX_SPANS as MAX_SPANS
-from .segments import MAX_SPLINE_POINTS as MAX_SPLINE_POINTS
 from .segments import AddedSegment as AddedSegment
 from .segments import Hold as Hold
 from .segments import Move as Move
@@ -75,9 +64,6 @@ from .segments import Samples as Samples
 from .segments import Segment as Segment
 from .segments import Spline as Spline
 from .segments import WayPoints as WayPoints
-from .segments import added_kinds as added_kinds
-from .segments import is_planned as is_planned
-from .segments import seconds as seconds
 from .settings import MAX_DURATION as MAX_DURATION
 from .settings import MAX_MEASURED as MAX_MEASURED
 from .settings import MIN_DURATION as MIN_DURATION

@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from cranectl.scenario.along_path import Plannable
 from cranectl.scenario.segments import Segment, Spline
 from cranectl.support import parse_json, replacing
 
@@ -17,11 +16,7 @@ DIGEST_DIGITS = 12  # of a SHA-256
 
 def files_of(segments: Sequence[Segment]) -> dict[str, bytes]:
     """Return the contents of the files of segments and their claims, by unique names."""
-    claims = {
-        str(k): segment.claim
-        for k, segment in enumerate(segments)
-        if isinstance(segment, Plannable) and segment.claim
-    }
+    claims = {str(k): segment.claim for k, segment in enumerate(segments) if segment.claim}
     splines = [segment for segment in segments if isinstance(segment, Spline)]
     files = {_name(spline): spline.held for spline in splines if spline.held}
     return {**files, PLAN: json.dumps(claims).encode()} if claims else files
@@ -36,7 +31,7 @@ def with_files(segments: Sequence[Segment], files: Mapping[str, bytes]) -> tuple
     known_claims = claims if isinstance(claims, dict) else {}
     complete: list[Segment] = []
     for k, segment in enumerate(segments):
-        if isinstance(segment, Plannable) and isinstance(claim := known_claims.get(str(k)), str):
+        if isinstance(claim := known_claims.get(str(k)), str):
             segment = segment.claiming(claim)
         if isinstance(segment, Spline) and _name(segment) in files:
             segment = segment.holding(files[_name(segment)])

@@ -24,16 +24,8 @@ from cranectl.scenario.run_settings import (
     WorkspaceSettings,
     controller_table,
 )
-from cranectl.scenario.segments import Segment, is_planned, seconds
-from cranectl.scenario.settings import (
-    MAX_MEASURED,
-    MIN_DURATION,
-    Duration,
-    Many,
-    Point3,
-    RuleError,
-    Settings,
-)
+from cranectl.scenario.segments import Segment
+from cranectl.scenario.settings import MAX_MEASURED, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
 from cranectl.support import differences, exact_seconds, leaves
 
@@ -61,7 +53,7 @@ class ReferenceSettings(Settings):
     @property
     def planned(self) -> bool:
         """Whether the timing of all segments is known; if not, `cranectl.reference` plans it."""
-        return all(map(is_planned, self.segments))
+        return all(segment.is_planned for segment in self.segments)
 
 
 class Scenario(Settings):
@@ -135,7 +127,7 @@ class Scenario(Settings):
                 )
         if self.effects.delay:
             _check_multiple("effects.delay.seconds", self.effects.delay.seconds, period)
-        length = sum(seconds(segment) for segment in self.reference.segments if is_planned(segment))
+        length = sum(segment.seconds for segment in self.reference.segments if segment.is_planned)
         if length > self.duration * (1.0 + 1e-12):
             raise RuleError(
                 f"the segments last {length} s, longer than duration {self.duration} s",

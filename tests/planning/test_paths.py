@@ -15,7 +15,7 @@ from cranectl.planning.review import reviews
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath, SplineLaw
-from cranectl.scenario.segments import Spline, seconds
+from cranectl.scenario.segments import Spline
 from cranectl.simulate import simulate_run
 from tests.reference.recordings import largest_excess
 
@@ -56,7 +56,7 @@ def path_overrides(path: tuple[str, ...], blend: float, timing: str = MINIMUM) -
 
 
 def duration_of(of: Scenario) -> float:
-    return sum(map(seconds, of.reference.segments))
+    return sum(segment.seconds for segment in of.reference.segments)
 
 
 @pytest.mark.parametrize(("path", "blend"), [(THESIS, 0.05), (THESIS, 0.1), (SQUARE, 0.04), (ARCS, 0.03)])

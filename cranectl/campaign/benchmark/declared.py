@@ -11,10 +11,7 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.controllers import checked_controller, controller_digests, load_controller
-from cranectl.scenario import (
-    DesignSettings,
-    Scaled,
-)
+from cranectl.scenario import DesignSettings, Scaled
 from cranectl.support import leaves
 
 TUNED_DIGITS = 4  # digits of a tuned number, so that the printed number is the one that was run
