@@ -12,7 +12,6 @@ from cranectl.scenario import (
     EffectSettings,
     Scenario,
     nanoseconds,
-    parse_settings,
 )
 
 
@@ -56,9 +55,7 @@ def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
         **scenario.model_dump(mode="json"),
         "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},
     }
-    added = parse_settings(
-        Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}"
-    )
+    added = Scenario.from_table(table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}")
     return added.with_files(scenario.held_files)
 
 

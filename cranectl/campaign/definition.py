@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import plant_entry
-from cranectl.scenario import ALL_EFFECTS, NANOSECONDS, Scenario, nanoseconds, parse_settings
+from cranectl.scenario import ALL_EFFECTS, NANOSECONDS, Scenario, nanoseconds
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
     Array,
@@ -129,7 +129,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
         assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
-    return parse_settings(Scenario, table, source).with_files(campaign.nominal.held_files)
+    return Scenario.from_table(table, source).with_files(campaign.nominal.held_files)
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:

@@ -21,7 +21,7 @@ from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
 from cranectl.design import ControllerDesign, Design, Origin, Value
-from cranectl.scenario import MAX_DURATION, MIN_DURATION, DesignSettings, RigParameters, Scaled
+from cranectl.scenario import DesignSettings, RigParameters, Scaled, Scenario
 from cranectl.signals import Signal
 from cranectl.support import Array, InputError, check_fields, check_known, check_name, check_whole, shown
 
@@ -268,7 +268,7 @@ class Controller:
         check_whole(f"{self.name}.every", self.every, 1, MAX_EVERY, every)
         preview = "how many rows of the reference it looks ahead"
         check_whole(f"{self.name}.preview", self.preview, 0, MAX_PREVIEW, preview)
-        lowest, highest = self.every * MIN_DURATION, self.every * MAX_DURATION
+        lowest, highest = self.every * Scenario.MIN_PERIOD, self.every * Scenario.MAX_SECONDS
         is_number = isinstance(self.period, Real) and not isinstance(self.period, bool)
         self._check(
             "period",

@@ -20,15 +20,7 @@ from cranectl.reference import (
     driven_derivatives,
     rest_state,
 )
-from cranectl.scenario import (
-    MAX_DURATION,
-    NANOSECONDS,
-    Disturbance,
-    Driven,
-    Hold,
-    ReferenceSettings,
-    Scenario,
-)
+from cranectl.scenario import NANOSECONDS, Disturbance, Driven, Hold, ReferenceSettings, Scenario
 from cranectl.support import Array, InputError, parse_json, printable
 
 VELOCITY_TIMEOUT = 0.3  # [s] without a message after which the requested velocity becomes zero
@@ -67,7 +59,7 @@ class HandReference:
             )
         self._settling = math.ceil(Driven.SETTLING_TIME / self.limits.bandwidth / self._period)  # samples
         # After this sample, a run would be too short for the load to come to rest.
-        self._end = round(MAX_DURATION / self._period) - self._settling
+        self._end = round(Scenario.MAX_SECONDS / self._period) - self._settling
         if sample >= self._end:
             raise _too_late()
         self._state, self._request = rest_state(self._start), RELEASED
@@ -169,7 +161,7 @@ def _point(numbers: Array) -> str:
 def _too_late() -> InputError:
     return InputError(
         "the motion is too long for a scenario that repeats it",
-        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {Driven.MAX_CHANGES} requests",
+        allowed=f"{Scenario.MAX_SECONDS:g} s with the load at rest at the end, {Driven.MAX_CHANGES} requests",
         remedy="call /reset",
     )
 

@@ -18,7 +18,7 @@ from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry, plant_entry
-from cranectl.scenario import MeasuredScenario, Scenario, parse_settings
+from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
@@ -125,7 +125,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     """Return the header; `parse_header` turns the errors of a contradictory or wrong one into LogError."""
     declared = metadata["cranectl"]
     kind = MeasuredScenario if declared["format"] == WITHOUT_REFERENCE else Scenario
-    stated = parse_settings(kind, _json(attachments, "scenario.json"), "scenario.json")
+    stated = kind.from_table(_json(attachments, "scenario.json"), "scenario.json")
     scenario = stated.with_files(attachments)
     plants = declared["plants"].split(",")
     if len(set(plants)) < len(plants):

@@ -15,14 +15,7 @@ from scipy.signal import savgol_filter
 from cranectl.design import ControllerDesign
 from cranectl.measured.mapping import ANGLES, LOAD, POSITIONS, MeasuredMap
 from cranectl.plants import PLANTS, Drive, PlantEntry
-from cranectl.scenario import (
-    NANOSECONDS,
-    MeasuredScenario,
-    RigParameters,
-    Scenario,
-    longest_step,
-    parse_settings,
-)
+from cranectl.scenario import NANOSECONDS, MeasuredScenario, RigParameters, Scenario, longest_step
 from cranectl.signals import STATE, SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -148,7 +141,7 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
         "log": {"every": 1},
         "rig": rig.model_dump(mode="json"),
     }
-    return parse_settings(MeasuredScenario, settings, "the measured run")
+    return MeasuredScenario.from_table(settings, "the measured run")
 
 
 def describe_files(files: Sequence[Path], mapping: MeasuredMap) -> str:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl.reference import SI_FACTORS
-from cranectl.scenario import Duration, Many, RuleError, Settings, parse_settings
+from cranectl.scenario import Duration, Many, RuleError, Settings
 from cranectl.support import read_toml
 
 POSITIONS = ("bridge_position", "trolley_position", "rope_length")
@@ -238,4 +238,4 @@ class MeasuredMap(Settings):
 
 def read_map(path: Path) -> MeasuredMap:
     """Read the map of measured files; raise InputError with what is wrong in it."""
-    return parse_settings(MeasuredMap, read_toml(path), str(path))
+    return MeasuredMap.from_table(read_toml(path), str(path))

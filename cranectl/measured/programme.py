@@ -15,7 +15,7 @@ from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
 from cranectl.measured.identification import MAX_READINGS, Estimate, estimates_of
 from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
-from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds, parse_settings
+from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, at_least, at_most
 
@@ -72,7 +72,7 @@ def _slowed_run(rig: RigParameters, start: Array, speeds: Array, period: float) 
 
 
 def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
-    mapping = parse_settings(MeasuredMap, tomllib.loads(recording_map("proposed", "lab-rig")), "the map")
+    mapping = MeasuredMap.from_table(tomllib.loads(recording_map("proposed", "lab-rig")), "the map")
 
     def run_with(readings: Array) -> Run:
         signals = dict(zip((*CHANNELS, *COMMANDS), np.hstack([readings, speeds]).T, strict=True))

@@ -42,7 +42,6 @@ from cranectl.reference import (
     time_law_of,
 )
 from cranectl.scenario import (
-    MAX_DURATION,
     Along,
     Arc,
     BlendedPath,
@@ -160,7 +159,7 @@ def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where:
         motion = _find_faster(
             along_path(geometry, limits, estimate_shortest_duration(geometry, limits, where)), scenario
         )
-        if motion and motion.duration <= MAX_DURATION:
+        if motion and motion.duration <= Scenario.MAX_SECONDS:
             return _set_time_law(segment, motion)
         quickest = motion.duration if motion else np.inf
     duration = find_shortest_duration(geometry, limits, where)
@@ -183,7 +182,11 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
         (time_law_of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
-    return [_set_time_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)
+    return (
+        [_set_time_law(segment, motion)]
+        if motion and motion.duration <= Scenario.MAX_SECONDS
+        else list(stopping)
+    )
 
 
 def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
@@ -208,7 +211,7 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     quickest = longest = sum(durations)
     if segment.duration is None:
         motion = _find_faster(free_motion(segment, points, corners, limits, longest), scenario)
-        if motion and motion.duration <= MAX_DURATION:
+        if motion and motion.duration <= Scenario.MAX_SECONDS:
             return [_spline_segment(segment, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import RecordedSamples, interpolate_path, interpolate_points
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
-from cranectl.scenario import FitNumbers, FromFile, Hold, Samples, Scenario, Spline, WayPoints, parse_settings
+from cranectl.scenario import FitNumbers, FromFile, Hold, Samples, Scenario, Spline, WayPoints
 from cranectl.support import Array, InputError
 
 NEGLIGIBLE_SHARE = 0.2  # of the settling tolerance: 1 mm on the laboratory rig
@@ -59,7 +59,7 @@ def interpolate_way_points(
         if rests:
             points[first : last + 1] = points[first]
             rest = {"kind": "hold", "duration": float(local_time[-1])}
-            segments.append(parse_settings(Hold, rest, f"{where}, a rest"))
+            segments.append(Hold.from_table(rest, f"{where}, a rest"))
             continue
         curve = _curve_through(segment, local_time, points[first : last + 1], scenario, where)
         check_demand([curve], scenario, where, begins=float(time[first]))
@@ -246,6 +246,4 @@ def _spline_segment(
         "source": motion.source if motion else None,
         "fit": fit,
     }
-    return parse_settings(Spline, made, f"the spline of {segment.kind}").holding(
-        motion.content if motion else b""
-    )
+    return Spline.from_table(made, f"the spline of {segment.kind}").holding(motion.content if motion else b"")

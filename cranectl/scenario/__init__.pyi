@@ -3,11 +3,7 @@ from .along_path import Arc as Arc
 from .along_path import BlendedPath as BlendedPath
 from .along_path import Line as Line
 from .along_path import SplineLaw as SplineLaw
-from .design import FASTEST as FASTEST
-from .design import SLOWEST as SLOWEST
 from .design import DesignSettings as DesignSettings
-from .design import HinfSettings as HinfSettings
-from .design import LoopShapingSettings as LoopShapingSettings
 from .disturbances import NANOSECONDS as NANOSECONDS
 from .disturbances import Disturbance as Disturbance
 from .disturbances import nanoseconds as nanoseconds
@@ -64,14 +60,9 @@ from .segments import Samples as Samples
 from .segments import Segment as Segment
 from .segments import Spline as Spline
 from .segments import WayPoints as WayPoints
-from .settings import MAX_DURATION as MAX_DURATION
-from .settings import MAX_MEASURED as MAX_MEASURED
-from .settings import MIN_DURATION as MIN_DURATION
-from .settings import Assigned as Assigned
 from .settings import Duration as Duration
 from .settings import Many as Many
 from .settings import RuleError as RuleError
 from .settings import Scaled as Scaled
 from .settings import Settings as Settings
 from .settings import override as override
-from .settings import parse_settings as parse_settings

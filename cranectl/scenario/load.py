@@ -9,7 +9,7 @@ from cranectl.scenario.effects import NO_LIMIT, DriveLimits
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import controller_table
 from cranectl.scenario.scenario import ReferenceSettings, Scenario
-from cranectl.scenario.settings import Assigned, override, parse_settings
+from cranectl.scenario.settings import override
 from cranectl.scenario.similarity import completed_rig, completed_scenario
 from cranectl.support import (
     Array,
@@ -85,7 +85,7 @@ def rig_place(name_or_path: str, directory: Path) -> Path:
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
     """Load a shipped rig by its name, or a rig from a TOML file."""
-    return parse_settings(RigParameters, rig_table(name_or_path), str(name_or_path))
+    return RigParameters.from_table(rig_table(name_or_path), str(name_or_path))
 
 
 def rig_names() -> list[str]:
@@ -120,7 +120,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
         below, directory = table.pop("extends", None), path.parent
-        parse_settings(RigParameters, table, str(path))
+        RigParameters.from_table(table, str(path))
         if not isinstance(below, str | None):
             raise InputError(
                 f"{path}: extends = {below!r}",
@@ -190,13 +190,15 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     table = override(table, overrides)
     # A table [rig] with a rated load describes another crane, as a rig file does.
     if rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:
-        parse_settings(RigParameters, table["rig"], f"{source}: rig", Assigned(overrides, before, "rig."))
+        RigParameters.from_table(
+            table["rig"], f"{source}: rig", overrides=overrides, before=before, prefix="rig."
+        )
         table = completed_scenario(table, completed_rig(table["rig"]))
     assigned = [override({}, [assignment]) for assignment in overrides]
     limited = _limits_in(own, *assigned)
     if limited:
         limited |= _limits_in({"rig": of_rig}, *assigned, below="rig.")
-    scenario = parse_settings(Scenario, _with_numbers(table, limited), source, Assigned(overrides, before))
+    scenario = Scenario.from_table(_with_numbers(table, limited), source, overrides=overrides, before=before)
     scenario.rig.check_size(scenario.effects)
     return scenario
 

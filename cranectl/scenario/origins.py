@@ -9,7 +9,7 @@ import numpy as np
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.load import rig_files, rig_table
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import describe, override, parse_settings
+from cranectl.scenario.settings import describe, override
 from cranectl.scenario.similarity import scale_of
 from cranectl.support import InputError, leaves, resources
 
@@ -69,7 +69,7 @@ class RigOrigins(NamedTuple):
                 )
         whole = rig_table(name_or_path)
         table = override({"rig": whole}, overrides)["rig"]
-        rig = parse_settings(RigParameters, table, str(name_or_path))
+        rig = RigParameters.from_table(table, str(name_or_path))
         rig.check_size(NO_EFFECTS)
         length = whole["rope_range"][1] / RigParameters().rope_range[1]
         mass = whole["rated_load"] / RigParameters().rated_load

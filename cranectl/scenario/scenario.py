@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from cranectl.scenario.run_settings import (
     controller_table,
 )
 from cranectl.scenario.segments import Segment
-from cranectl.scenario.settings import MAX_MEASURED, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
+from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
 from cranectl.support import differences, exact_seconds, leaves
 
@@ -58,6 +58,9 @@ class ReferenceSettings(Settings):
 
 class Scenario(Settings):
     """A run: reference, disturbances, rig and settings."""
+
+    MIN_PERIOD: ClassVar[float] = MIN_DURATION  # [s] of the control loop
+    MAX_SECONDS: ClassVar[float] = MAX_DURATION  # of a run
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
         description="lower case letters, digits and hyphens"
@@ -248,7 +251,9 @@ class Scenario(Settings):
 class MeasuredScenario(Scenario):
     """What is known of a measured run and its predictions, which may last longer than other runs."""
 
-    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_MEASURED)] = Field(description="[s]")
+    MAX_SECONDS: ClassVar[float] = 7200.0
+
+    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_SECONDS)] = Field(description="[s]")
 
 
 def longest_step(period: float, longest: float) -> float:

@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
@@ -41,6 +41,35 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     @classmethod
+    def from_table(
+        cls,
+        table: Mapping[str, Any],
+        source: str,
+        *,
+        overrides: Sequence[str] = (),
+        before: Mapping[str, Any] | None = None,
+        prefix: str = "",
+    ) -> Self:
+        """Return `table` as settings; an InputError names every wrong field of `source`.
+
+        If `overrides` have changed the table, its remedies can be typed. They need the table `before` them,
+        and the `prefix` of the keys of the settings within that table.
+        """
+        try:
+            return cls.model_validate(dict(table))
+        except ValidationError as error:
+            assigned = _Assigned(overrides, before or table, prefix) if overrides else None
+            problems = [_explain(cls, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
+            more = error.error_count() - len(problems)
+        texts = "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else "")
+        raise InputError(
+            f"{source}: {texts}",
+            allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
+            remedy="; ".join(dict.fromkeys(remedy for _, _, remedy in problems if remedy))
+            or "correct the fields above",
+        ) from None
+
+    @classmethod
     def scale_of(cls, name: str) -> Scaled:
         """Return how a number scales with the size of a crane, by its dotted name.
 
@@ -62,7 +91,6 @@ TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " 
 MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
 MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
 Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
-MAX_MEASURED = 7200.0  # [s] of measured runs
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
 Point3 = Triple[Position]
@@ -87,7 +115,7 @@ def _scales_of(model: type[BaseModel]) -> dict[str, Scaled]:
 
 
 class RuleError(ValueError):
-    """A rule across several fields is violated; `parse_settings` turns it into an InputError."""
+    """A rule across several fields is violated; `Settings.from_table` turns it into an InputError."""
 
     def __init__(self, found: str, *, allowed: str, remedy: str) -> None:
         """Store the three parts of an InputError."""
@@ -99,32 +127,13 @@ MAX_PROBLEMS = 10  # in one message
 _LIST_ERRORS = ("tuple_type", "too_long", "too_short")  # of pydantic
 _COMPLEX = re.compile(r"(?<=[\[, ])[-+.\de]+[ij](?=[\], ])")  # a complex number in a list
 
-S = TypeVar("S", bound=Settings)
 
-
-class Assigned(NamedTuple):
+class _Assigned(NamedTuple):
     """What `--set` assigned to a table, for remedies that can be typed."""
 
     assignments: Sequence[str]
     before: Mapping[str, Any]  # the table before them
     prefix: str = ""  # of the keys of the settings that are parsed, within that table
-
-
-def parse_settings(
-    model: type[S], table: Mapping[str, Any], source: str, assigned: Assigned | None = None
-) -> S:
-    """Return `table` as settings of class `model`; an InputError names every wrong field of `source`."""
-    try:
-        return model.model_validate(dict(table))
-    except ValidationError as error:
-        problems = [_explain(model, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
-        more = error.error_count() - len(problems)
-    raise InputError(
-        f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
-        allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
-        remedy="; ".join(dict.fromkeys(remedy for _, _, remedy in problems if remedy))
-        or "correct the fields above",
-    ) from None
 
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
@@ -151,7 +160,7 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
 
 
 def _explain(
-    model: type[BaseModel], details: ErrorDetails, assigned: Assigned | None
+    model: type[BaseModel], details: ErrorDetails, assigned: _Assigned | None
 ) -> tuple[str, str, str]:
     """Return (found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
@@ -188,7 +197,7 @@ def _explain(
     )
 
 
-def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assigned) -> str:
+def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: _Assigned) -> str:
     """Return the option that assigns the list from before a wrong assignment, or else its default."""
     location = _without_tags(model, details["loc"])
     is_of_item = bool(location) and isinstance(location[-1], int)

@@ -95,7 +95,7 @@ def test_a_blended_path_may_last_as_long_as_a_run(monkeypatch: pytest.MonkeyPatc
     start, stopping = np.array(planned.reference.start), iter(2 * scenario(THESIS, 0.0).reference.segments)
     monkeypatch.setattr("cranectl.planning.plan.plan_along", lambda *_: next(stopping))
     for excess, kinds in ((0.0, ["path"]), (1e-9, ["line", "arc"])):
-        monkeypatch.setattr("cranectl.planning.plan.MAX_DURATION", duration_of(planned) - excess)
+        monkeypatch.setattr(Scenario, "MAX_SECONDS", duration_of(planned) - excess)
         assert [part.kind for part in plan_with_blends(segment, start, planned, "it")] == kinds
 
 

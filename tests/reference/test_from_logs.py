@@ -20,7 +20,6 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.segments import Spline
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
@@ -103,7 +102,7 @@ def test_a_reference_from_a_log_keeps_only_the_columns_that_it_uses(
 
 
 def table_and_back(scenario: Scenario) -> Scenario:
-    read = parse_settings(Scenario, scenario.model_dump(mode="json"), "a table")
+    read = Scenario.from_table(scenario.model_dump(mode="json"), "a table")
     return read.with_files(scenario.held_files)
 
 

@@ -14,7 +14,6 @@ from cranectl.planning import load_scenario, plan, review
 from cranectl.planning.review import reviews
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.held_files import HeldFiles
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import simulate_run
 
 # Faces of rooms have functions of these names.
@@ -105,5 +104,5 @@ def test_a_log_states_the_proof_without_proving_again(
     log = write_log(tmp_path / "run.mcap", [run])
     assert [event.message for event in events(read_log(log)["analytic"])] == messages
     HeldFiles(tmp_path).write(kept_plan.held_files)
-    again = parse_settings(Scenario, kept_plan.model_dump(), "again")
+    again = Scenario.from_table(kept_plan.model_dump(), "again")
     assert again.with_files(HeldFiles(tmp_path).read()) == kept_plan != again
