@@ -4,15 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cranectl.plants import Drive
-from cranectl.scenario import (
-    EFFECTS,
-    NANOSECONDS,
-    Delay,
-    EffectNumbers,
-    EffectSettings,
-    Scenario,
-    nanoseconds,
-)
+from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario, nanoseconds
 
 
 @dataclass(frozen=True)
@@ -43,7 +35,7 @@ def assumed_effects(scenario: Scenario) -> EffectNumbers:
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
         periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
-        delay = Delay(seconds=periods * scenario.period_ns / NANOSECONDS)
+        delay = numbers.delay.with_numbers({"seconds": periods * scenario.period_ns / NANOSECONDS})
         numbers = numbers.model_copy(update={"delay": delay})
     return numbers.model_copy(update={name: getattr(effects, name) for name in effects.names})
 

@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import plant_entry
-from cranectl.scenario import ALL_EFFECTS, NANOSECONDS, Scenario, nanoseconds
+from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
     Array,
@@ -236,7 +236,7 @@ def _parameter(
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
     """Return the error for a name that is no number; it lists the numbers below it, or similar names."""
-    everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
+    everything = {**values, **dict(leaves(EffectNumbers().model_dump(), "effects"))}
     known = [
         leaf
         for leaf, value in everything.items()

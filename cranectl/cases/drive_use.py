@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.plants import DRIVES, lacking, plant_argument, plant_entry
-from cranectl.scenario import NO_LIMIT
 from cranectl.simulate import Run
 from cranectl.support import Array
 
@@ -73,7 +72,7 @@ def beyond_drives(run: Run) -> str:
     )
     if _may_be_refused(run, uses, drive := "force" if is_force else "velocity"):
         return text
-    none = [NO_LIMIT] * 3
+    none = [run.scenario.drive_limits.NO_LIMIT] * 3
     if is_force:  # such drives have no set-points, whose limits would be refused
         force = list(run.scenario.drive_limits.force)
         table = f"{{velocity={none}, acceleration={none}, force={force}}}"

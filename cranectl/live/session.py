@@ -61,7 +61,7 @@ class Session(TakesTurns):
         period = scenario.period_ns / NANOSECONDS
         samples = round(Scenario.MAX_SECONDS / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
-        self._air_velocity = air_velocity(scenario.effects.wind, 1 if still else samples, period)
+        self._air_velocity = air_velocity(scenario.effects, 1 if still else samples, period)
         sensing = scenario.effects.sensing
         self._encoders = make_encoders(sensing, samples) if sensing else None
         self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]

@@ -51,7 +51,6 @@ from cranectl.scenario import (
     Scenario,
     Segment,
     Spline,
-    SplineLaw,
     WayPoints,
 )
 from cranectl.support import Array, InputError, kept
@@ -112,9 +111,8 @@ def _plan_segment(
     """Return the planned segment, or its replacements. Plans are stored on disk and used again."""
     key = key_of(segment, start, scenario)
     if key not in _SEGMENTS:
-        text = kept(
-            "plans", [key, version("clarabel")], lambda: _plan_as_json(segment, start, scenario, where)
-        )
+        arguments = segment, start, scenario, where
+        text = kept("plans", [key, version("clarabel")], lambda: _plan_as_json(*arguments))
         plans = _PLANS.validate_json(text)
         _SEGMENTS[key] = [planned.claiming(claim) for planned, claim in plans]
     return [
@@ -156,17 +154,15 @@ def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where:
     check_least_time(start, end, limits, where)
     quickest = np.inf
     if segment.is_in_minimum_time:
-        motion = _find_faster(
-            along_path(geometry, limits, estimate_shortest_duration(geometry, limits, where)), scenario
-        )
+        guess = estimate_shortest_duration(geometry, limits, where)
+        motion = _find_faster(along_path(geometry, limits, guess), scenario)
         if motion and motion.duration <= Scenario.MAX_SECONDS:
             return _set_time_law(segment, motion)
         quickest = motion.duration if motion else np.inf
     duration = find_shortest_duration(geometry, limits, where)
-    check_duration(
-        min(duration, quickest), find_limiting_constraint(geometry, limits, duration), limits, where
-    )
-    return _set_duration(segment, duration, "degree-9")
+    constraint = find_limiting_constraint(geometry, limits, duration)
+    check_duration(min(duration, quickest), constraint, limits, where)
+    return segment.timed(duration, "degree-9")
 
 
 def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -182,21 +178,14 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
         (time_law_of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
-    return (
-        [_set_time_law(segment, motion)]
-        if motion and motion.duration <= Scenario.MAX_SECONDS
-        else list(stopping)
-    )
+    if motion and motion.duration <= Scenario.MAX_SECONDS:
+        return [_set_time_law(segment, motion)]
+    return list(stopping)
 
 
 def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
-    time_law = SplineLaw(coefficients=tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return _set_duration(segment, motion.duration, time_law)
-
-
-def _set_duration(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
-    key = "lasts" if isinstance(segment, Spline) else "duration"
-    return segment.model_copy(update={key: duration, "time_law": time_law})
+    coefficients = tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist())
+    return segment.timed(motion.duration, coefficients)
 
 
 def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -215,9 +204,8 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
             return [_spline_segment(segment, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
-    check_duration(
-        quickest, find_limiting_constraint(lines[slowest], limits, durations[slowest]), limits, where
-    )
+    constraint = find_limiting_constraint(lines[slowest], limits, durations[slowest])
+    check_duration(quickest, constraint, limits, where)
     if segment.constant_rope:
         raise InputError(
             f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "

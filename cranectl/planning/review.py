@@ -13,7 +13,7 @@ from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
 from cranectl.reference import PLANNED_DEGREE, end_point, geometry_of, parts_of, spline
-from cranectl.scenario import Arc, BlendedPath, Line, Scenario, Segment, Spline, SplineLaw
+from cranectl.scenario import Arc, BlendedPath, Line, Scenario, Segment, Spline
 from cranectl.support import Array, check_ascending
 
 ACTIVE_SHARE = 0.98  # of a limit, above which it counts as active
@@ -126,7 +126,7 @@ def describe_planning(segment: Segment) -> str:
     """Describe how a segment was planned, or return an empty text if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
-    if not isinstance(getattr(segment, "time_law", None), SplineLaw):
+    if segment.planned_law is None:
         return ""
     if isinstance(segment, BlendedPath):
         return "a path with blended corners in minimum time"
@@ -141,8 +141,8 @@ def curve_of(segment: Segment, start: Array) -> SegmentCurve:
     assert isinstance(segment, Line | Arc | BlendedPath | Spline)
     to_load = geometry_of(segment, start)
     duration = segment.seconds
-    if isinstance(segment.time_law, SplineLaw):
-        coefficients = np.array(segment.time_law.coefficients)[:, None]
+    if segment.planned_law is not None:
+        coefficients = np.array(segment.planned_law)[:, None]
         spans = len(coefficients) - PLANNED_DEGREE
         return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, PLANNED_DEGREE, to_load)
     return SegmentCurve(np.array([0.0, duration]), DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE, to_load)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
-from cranectl.scenario import FromFile, Source
+from cranectl.scenario import FromFile
 from cranectl.support import TICK_SECONDS, Array, InputError, open_input, unknown_name
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
@@ -36,9 +36,9 @@ class RecordedMotion:
         return np.column_stack([self.columns[axis] for axis in AXES])
 
     @property
-    def source(self) -> Source:
-        """The file, for the segment that is made from it."""
-        return Source(file=self.file, sha256=self.sha256, held=sha256_of(self.content))
+    def source(self) -> dict[str, str]:
+        """The table `source` of the segment that is made from the file."""
+        return {"file": self.file, "sha256": self.sha256, "held": sha256_of(self.content)}
 
 
 def sha256_of(content: bytes) -> str:

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import RecordedSamples, interpolate_path, interpolate_points
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
-from cranectl.scenario import FitNumbers, FromFile, Hold, Samples, Scenario, Spline, WayPoints
+from cranectl.scenario import FromFile, Hold, Samples, Scenario, Spline, WayPoints
 from cranectl.support import Array, InputError
 
 NEGLIGIBLE_SHARE = 0.2  # of the settling tolerance: 1 mm on the laboratory rig
@@ -126,14 +126,14 @@ def fit_samples(segment: Samples, start: Array, scenario: Scenario, directory: P
     band_time = np.linspace(0.0, time[-1], BAND_POINTS * spans + 1)
     check_demand((fit.curve, *fit.alternatives), scenario, where, band_time)
     peak, band = fit.snap(band_time)
-    numbers = FitNumbers(
-        spans=spans,
-        samples=len(time),
-        left_out_error=float(np.sqrt(recorded.cross_validate(spans).mean())),
-        residual=fit.residual_rms,
-        peak_d4=peak,
-        band_d4=band,
-    )
+    numbers = {
+        "spans": spans,
+        "samples": len(time),
+        "left_out_error": float(np.sqrt(recorded.cross_validate(spans).mean())),
+        "residual": fit.residual_rms,
+        "peak_d4": peak,
+        "band_d4": band,
+    }
     return _spline_segment(segment, fit.curve, motion, numbers)
 
 
@@ -234,7 +234,10 @@ def _negligible(scenario: Scenario) -> float:
 
 
 def _spline_segment(
-    segment: WayPoints | Samples, curve: BSpline, motion: RecordedMotion | None, fit: FitNumbers | None = None
+    segment: WayPoints | Samples,
+    curve: BSpline,
+    motion: RecordedMotion | None,
+    fit: dict[str, float] | None = None,
 ) -> Spline:
     made = {
         "kind": "spline",

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from cranectl.scenario.segment_base import SegmentBase
+from cranectl.scenario.segment_base import SegmentBase, SplineLaw
 from cranectl.scenario.settings import (
     TEXT_OR_OTHER,
     Duration,
@@ -14,21 +14,11 @@ from cranectl.scenario.settings import (
     Point2,
     Point3,
     RuleError,
-    Settings,
     Text,
 )
 from cranectl.support import Array, InputError
 
 Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]
-MAX_COEFFICIENTS = 20_000
-
-
-class SplineLaw(Settings):
-    """A planned time law: the share s of the path over time, a B-spline of degree 7 on uniform knots, C⁶."""
-
-    coefficients: Annotated[
-        Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MAX_COEFFICIENTS)
-    ] = Field(description="of s from 0 to 1 over the duration")
 
 
 TimeLaw = Annotated[Text[Literal["degree-9", "degree-5", "minimum-time"]] | Other[SplineLaw], TEXT_OR_OTHER]

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cranectl.scenario.effects import NO_LIMIT, DriveLimits
+from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import controller_table
 from cranectl.scenario.scenario import ReferenceSettings, Scenario
@@ -227,5 +227,5 @@ def _with_numbers(table: Table, limited: Collection[str]) -> Table:
     }
     if limited and "limits" in whole:
         free = DriveLimits.model_fields.keys() - set(limited)
-        whole["limits"] |= {name: [NO_LIMIT] * 3 for name in free}
+        whole["limits"] |= {name: [DriveLimits.NO_LIMIT] * 3 for name in free}
     return {**table, "effects": {**effects, **whole}}

@@ -1,11 +1,15 @@
 """The small tables of a scenario: initial offsets, control, controller, workspace, log, metrics, limits."""
 
-from typing import Annotated, Any, Literal
+import math
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, model_serializer
 
+from cranectl.scenario.disturbances import NANOSECONDS, nanoseconds
 from cranectl.scenario.settings import LENGTH, Duration, Point3, Settings
 
+# [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
+MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
 Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
 
 
@@ -20,6 +24,9 @@ class InitialSettings(Settings):
 class ControlSettings(Settings):
     """Sampling of the control loop."""
 
+    MAX_DIVISOR: ClassVar[int] = 1_000_000  # divisors of a period that are tried
+    STEP_ROUNDING: ClassVar[float] = 1e-9  # of a step that just fits
+
     period: Duration = Field(0.001, description="control period, input held [s]")
     physics_step: Duration | None = Field(
         None,
@@ -28,6 +35,19 @@ class ControlSettings(Settings):
     lag_compensation: bool = Field(
         True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
     )
+
+    def default_step(self, longest: float) -> float:
+        """Return the physics step [s] by default, if the plants agree with steps up to `longest`."""
+        allowed = min(max(longest, MIN_DEFAULT_STEP), MAX_DEFAULT_STEP)
+        return longest_step(self.period, allowed * (1.0 + self.STEP_ROUNDING))
+
+
+def longest_step(period: float, longest: float) -> float:
+    """Return the longest step [s] up to `longest` that divides `period`, in whole nanoseconds."""
+    whole = nanoseconds(period)
+    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
+    tried = parts[: ControlSettings.MAX_DIVISOR]
+    return whole // next((n for n in tried if whole % n == 0), whole) / NANOSECONDS
 
 
 class ControllerSettings(Settings):

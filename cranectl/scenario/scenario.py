@@ -10,11 +10,13 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
-from cranectl.scenario.effects import NO_EFFECTS, NO_LIMIT, DriveLimits, EffectSettings, Wind
+from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings
 from cranectl.scenario.held_files import files_of, with_files
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import (
+    MAX_DEFAULT_STEP,
+    MIN_DEFAULT_STEP,
     ControllerSettings,
     ControlSettings,
     InitialSettings,
@@ -23,20 +25,16 @@ from cranectl.scenario.run_settings import (
     MetricSettings,
     WorkspaceSettings,
     controller_table,
+    longest_step,
 )
 from cranectl.scenario.segments import Segment
 from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
 from cranectl.support import differences, exact_seconds, leaves
 
-STILL = Wind(gust=0.0, drag_area=0.0)
-MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
-# [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
-MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # The rig's numbers of effects are not reported either: the effects of the run have them.
 NOT_REPORTED: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
-STEP_ROUNDING = 1e-9  # of a step that just fits
 
 
 class ReferenceSettings(Settings):
@@ -97,7 +95,7 @@ class Scenario(Settings):
                 remedy=f"set control.period to {round(period, 9)!r}",
             )
         if step is None:
-            step = default_step(period, MIN_DEFAULT_STEP)  # the shortest; the crane's may be longer
+            step = self.control.default_step(MIN_DEFAULT_STEP)  # the shortest; the crane's may be longer
         if step < MIN_DURATION:
             raise RuleError(
                 f"control.period = {period} s has no physics step in whole nanoseconds",
@@ -148,7 +146,7 @@ class Scenario(Settings):
         """
         of_rig = self.rig.effects.limits
         stated = self.effects.limits or of_rig
-        unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= NO_LIMIT]
+        unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= stated.NO_LIMIT]
         return stated.model_copy(update={name: getattr(of_rig, name) for name in unlimited})
 
     @property
@@ -176,9 +174,7 @@ class Scenario(Settings):
     @property
     def effects_on_plant(self) -> EffectSettings:
         """The effects for which a plant is made; forces on the load need the effect `wind`, in still air."""
-        if not self.forced or self.effects.wind:
-            return self.effects
-        return self.effects.model_copy(update={"wind": STILL})
+        return self.effects.in_air if self.forced else self.effects
 
     @property
     def reach(self) -> NDArray[np.float64]:
@@ -254,19 +250,6 @@ class MeasuredScenario(Scenario):
     MAX_SECONDS: ClassVar[float] = 7200.0
 
     duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_SECONDS)] = Field(description="[s]")
-
-
-def longest_step(period: float, longest: float) -> float:
-    """Return the longest step [s] up to `longest` that divides `period`, in whole nanoseconds."""
-    whole = nanoseconds(period)
-    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
-    return whole // next((n for n in parts[:MAX_DIVISOR] if whole % n == 0), whole) / NANOSECONDS
-
-
-def default_step(period: float, longest: float) -> float:
-    """Return the physics step [s] of a run by default, if the plants agree with steps up to `longest`."""
-    allowed = min(max(longest, MIN_DEFAULT_STEP), MAX_DEFAULT_STEP)
-    return longest_step(period, allowed * (1.0 + STEP_ROUNDING))
 
 
 def _shorter_step(period: float, longest: float, what: str) -> str:

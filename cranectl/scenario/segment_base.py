@@ -1,17 +1,28 @@
 """What all segments of a reference have in common: their timing, and what was proven of their plan."""
 
-from typing import Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import PrivateAttr
+from pydantic import Field, PrivateAttr
 
-from cranectl.scenario.settings import Settings
+from cranectl.scenario.settings import Many, Settings
 
 MINIMUM_TIME: Literal["minimum-time"] = "minimum-time"
 SHORTEST = "shortest"
+MAX_COEFFICIENTS = 20_000
+
+
+class SplineLaw(Settings):
+    """A planned time law: the share s of the path over time, a B-spline of degree 7 on uniform knots, C⁶."""
+
+    coefficients: Annotated[
+        Many[Annotated[float, Field(ge=0.0, le=1.0)]], Field(min_length=8, max_length=MAX_COEFFICIENTS)
+    ] = Field(description="of s from 0 to 1 over the duration")
 
 
 class SegmentBase(Settings):
     """A segment of a reference. If it is planned, it has a claim: what was proven of its plan."""
+
+    DURATION_KEY: ClassVar[str] = "duration"  # the setting that has the duration of a segment with a time law
 
     _claim: str = PrivateAttr("")  # a sentence; private, since no table of a scenario has it
 
@@ -47,3 +58,14 @@ class SegmentBase(Settings):
         assert self.is_planned, f"{self!r} is not planned"
         length: float = self.duration  # type: ignore[attr-defined]
         return length
+
+    @property
+    def planned_law(self) -> tuple[float, ...] | None:
+        """Coefficients of the planned time law, or None if it has none."""
+        law = getattr(self, "time_law", None)
+        return law.coefficients if isinstance(law, SplineLaw) else None
+
+    def timed(self, duration: float, law: str | tuple[float, ...]) -> Self:
+        """Return the segment with a duration [s] and a time law: a name, or coefficients of a planned one."""
+        time_law = law if isinstance(law, str) else SplineLaw(coefficients=law)
+        return self.model_copy(update={self.DURATION_KEY: duration, "time_law": time_law})

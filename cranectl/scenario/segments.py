@@ -22,17 +22,14 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from cranectl.scenario.along_path import (
-    MAX_COEFFICIENTS,
     TIME_LAW,
-    AlongPath,
     Arc,
     BlendedPath,
     Line,
-    SplineLaw,
     TimeLaw,
 )
 from cranectl.scenario.recorded import Driven, FitNumbers, FromFile, Source
-from cranectl.scenario.segment_base import MINIMUM_TIME, SegmentBase
+from cranectl.scenario.segment_base import MAX_COEFFICIENTS, MINIMUM_TIME, SegmentBase
 from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.support import Array, extensions, with_extensions
 
@@ -152,6 +149,8 @@ class Spline(SegmentBase):
 
     With a time law it is a path instead, of degree 7 or more, on which the load rests nowhere.
     """
+
+    DURATION_KEY: ClassVar[str] = "lasts"
 
     kind: Literal["spline"]
     degree: Literal[5, 7, 9]
@@ -310,7 +309,7 @@ def before_planning(segment: Segment) -> list[dict[str, Any]]:
     if isinstance(segment, Spline) and segment.made_from:
         return [segment.made_from]
     table = segment.model_dump(mode="json", exclude_defaults=True)
-    if isinstance(segment, AlongPath | Spline) and isinstance(segment.time_law, SplineLaw):
-        del table["lasts" if isinstance(segment, Spline) else "duration"]
+    if segment.planned_law is not None:
+        del table[segment.DURATION_KEY]
         table["time_law"] = MINIMUM_TIME
     return [table]

@@ -17,10 +17,12 @@ from cranectl.log.overlay import read_layers
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import ALL_EFFECTS, NO_LIMIT
+from cranectl.scenario.effects import EFFECTS, DriveLimits, EffectNumbers
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.plants.own_models import MODELS, UNDISTURBED, crane_with, servos, write_hall
+
+ALL_EFFECTS = EffectNumbers().only(*EFFECTS)
 
 
 def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
@@ -154,7 +156,7 @@ def test_the_model_file_of_a_rig_is_the_last_level(
     assert model["cumulative"]["max"] > 1e-4, "it has no friction"
     layers = read_layers("a.mcap")
     assert layers["model"].run.scenario.effects.names == ("limits", "sensing", "delay", "wind")
-    assert layers["model"].run.scenario.effects.limits.force == (NO_LIMIT,) * 3
+    assert layers["model"].run.scenario.effects.limits.force == (DriveLimits.NO_LIMIT,) * 3
     assert [*layers][-2:] == [frame["level"], "model"]
     assert ">model<" in Path("a.html").read_text()
 

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.along_path import Arc, Line, SplineLaw
+from cranectl.scenario.along_path import Arc, Line
 from cranectl.scenario.drawing import Drawing
+from cranectl.scenario.segment_base import SplineLaw
 from cranectl.scenario.segments import Spline
 from cranectl.support.arrays import Array
 

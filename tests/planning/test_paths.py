@@ -14,7 +14,8 @@ from cranectl.planning.plan import plan_with_blends
 from cranectl.planning.review import reviews
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
-from cranectl.scenario.along_path import BlendedPath, SplineLaw
+from cranectl.scenario.along_path import BlendedPath
+from cranectl.scenario.segment_base import SplineLaw
 from cranectl.scenario.segments import Spline
 from cranectl.simulate import simulate_run
 from tests.reference.recordings import largest_excess
