@@ -19,8 +19,6 @@ from cranectl.scenario.settings import (
 from cranectl.support import Array, InputError
 
 Timed = Annotated[Other[Duration] | Text[Literal["shortest"]], TEXT_OR_OTHER]
-
-
 TimeLaw = Annotated[Text[Literal["degree-9", "degree-5", "minimum-time"]] | Other[SplineLaw], TEXT_OR_OTHER]
 TIME_LAW = "degree-9: C⁴; degree-5: C²; minimum-time: planned, C⁴, without a duration"
 DURATION = "[s], or shortest: the shortest within the limits"

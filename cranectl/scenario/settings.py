@@ -58,7 +58,7 @@ class Settings(BaseModel):
         try:
             return cls.model_validate(dict(table))
         except ValidationError as error:
-            assigned = _Assigned(overrides, before or table, prefix) if overrides else None
+            assigned = _Assigned(overrides, table if before is None else before, prefix)
             problems = [_explain(cls, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
             more = error.error_count() - len(problems)
         texts = "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else "")
@@ -94,7 +94,6 @@ Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
 Point3 = Triple[Position]
-
 
 LENGTH, MASS, TIME, SPEED, RATE = Scaled(1.0), Scaled(0.0, 1.0), Scaled(0.5), Scaled(0.5), Scaled(-0.5)
 FORCE = MASS  # since gravity stays
@@ -159,12 +158,10 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     return result
 
 
-def _explain(
-    model: type[BaseModel], details: ErrorDetails, assigned: _Assigned | None
-) -> tuple[str, str, str]:
+def _explain(model: type[BaseModel], details: ErrorDetails, assigned: _Assigned) -> tuple[str, str, str]:
     """Return (found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
-    command = _list_command(model, details, assigned) if assigned else ""
+    command = _list_command(model, details, assigned)
     such = f", such as {command}" if command else ""
     where = ".".join(str(part) for part in _without_tags(model, location))
     if details["type"] == "extra_forbidden":
