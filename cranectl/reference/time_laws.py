@@ -20,9 +20,9 @@ PLANNED_DEGREE = 7  # with simple knots C⁶, so the fifth derivative, which act
 
 def time_law_of(segment: Along | Spline) -> Law:
     """Return the time law of a planned segment."""
-    law = segment.planned_law or segment.time_law
-    assert isinstance(law, str | tuple)
-    return law
+    time_law = segment.planned_law or segment.time_law
+    assert isinstance(time_law, str | tuple)
+    return time_law
 
 
 @functools.lru_cache(maxsize=256)

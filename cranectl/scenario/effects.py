@@ -52,13 +52,11 @@ class Effect(Settings):
 
     def with_numbers(self, numbers: Mapping[str, float]) -> Self:
         """Return the effect with `numbers` by setting, each for all axes if the setting is a list."""
-        stated = {name: getattr(self, name) for name in numbers}
-        return self.model_copy(
-            update={
-                name: (number,) * len(stated[name]) if isinstance(stated[name], tuple) else number
-                for name, number in numbers.items()
-            }
-        )
+        update: dict[str, Any] = dict(numbers)
+        for name, stated in ((name, getattr(self, name)) for name in numbers):
+            if isinstance(stated, tuple):
+                update[name] = (numbers[name],) * len(stated)
+        return self.model_copy(update=update)
 
     @property
     def linear_part(self) -> Self | None:

@@ -62,10 +62,10 @@ class SegmentBase(Settings):
     @property
     def planned_law(self) -> tuple[float, ...] | None:
         """Coefficients of the planned time law, or None if it has none."""
-        law = getattr(self, "time_law", None)
-        return law.coefficients if isinstance(law, SplineLaw) else None
+        time_law = getattr(self, "time_law", None)
+        return time_law.coefficients if isinstance(time_law, SplineLaw) else None
 
-    def timed(self, duration: float, law: str | tuple[float, ...]) -> Self:
+    def timed(self, duration: float, time_law: str | tuple[float, ...]) -> Self:
         """Return the segment with a duration [s] and a time law: a name, or coefficients of a planned one."""
-        time_law = law if isinstance(law, str) else SplineLaw(coefficients=law)
-        return self.model_copy(update={self.DURATION_KEY: duration, "time_law": time_law})
+        stated = time_law if isinstance(time_law, str) else SplineLaw(coefficients=time_law)
+        return self.model_copy(update={self.DURATION_KEY: duration, "time_law": stated})
