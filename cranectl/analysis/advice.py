@@ -19,7 +19,7 @@ from cranectl.analysis.ladder import Size, deviation
 from cranectl.analysis.levels import with_effects
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.scenario import EFFECTS, NANOSECONDS, Scenario, parse_settings
+from cranectl.scenario import EFFECTS, NANOSECONDS, Scenario
 from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
@@ -219,7 +219,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     ]  # fmt: skip
     table = scenario.model_dump(mode="json", exclude_none=True)
     return [
-        (name, change, parse_settings(Scenario, merged(table, new), f"{scenario.name}, better {name}"))
+        (name, change, Scenario.from_table(merged(table, new), f"{scenario.name}, better {name}"))
         for name, change, new in changes
     ]
 

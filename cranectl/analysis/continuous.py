@@ -16,7 +16,7 @@ from cranectl.design import Design
 from cranectl.model import angular_accelerations, flat_output, linearising_input
 from cranectl.plants import STAGES, A, AnalyticPlant, B, observe_load, passive_accelerations
 from cranectl.reference import Trajectory, build_trajectory
-from cranectl.scenario import NANOSECONDS, NO_EFFECTS, Scenario
+from cranectl.scenario import NANOSECONDS, EffectSettings, Scenario
 from cranectl.signals import (
     ACCELERATION,
     ALPHA,
@@ -172,7 +172,7 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     plan = plan_scenario(scenario)
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
-    ideal = scenario.model_copy(update={"effects": NO_EFFECTS})
+    ideal = scenario.model_copy(update={"effects": EffectSettings()})
     rig = AnalyticPlant(
         scenario.rig, drive="ideal", step=MAX_STEP, substeps=1, effects=ideal.effects_on_plant
     ).rig

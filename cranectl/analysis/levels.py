@@ -4,19 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from cranectl.plants import Drive
-from cranectl.scenario import (
-    EFFECTS,
-    NANOSECONDS,
-    Delay,
-    EffectNumbers,
-    EffectSettings,
-    Scenario,
-    check_size,
-    held_files,
-    nanoseconds,
-    parse_settings,
-    with_files,
-)
+from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario, nanoseconds
 
 
 @dataclass(frozen=True)
@@ -47,22 +35,20 @@ def assumed_effects(scenario: Scenario) -> EffectNumbers:
     effects, numbers = scenario.effects, scenario.rig.effects
     if not effects.delay:
         periods = -(-nanoseconds(numbers.delay.seconds) // scenario.period_ns)
-        delay = Delay(seconds=periods * scenario.period_ns / NANOSECONDS)
+        delay = numbers.delay.with_numbers({"seconds": periods * scenario.period_ns / NANOSECONDS})
         numbers = numbers.model_copy(update={"delay": delay})
     return numbers.model_copy(update={name: getattr(effects, name) for name in effects.names})
 
 
 def replace_effects(scenario: Scenario, effects: EffectSettings) -> Scenario:
     """Return `scenario` with exactly these effects; raise InputError if its settings forbid them."""
-    check_size(scenario.rig, effects)
+    scenario.rig.check_size(effects)
     table = {
         **scenario.model_dump(mode="json"),
         "effects": {name: getattr(effects, name).model_dump(mode="json") for name in effects.names},
     }
-    added = parse_settings(
-        Scenario, table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}"
-    )
-    return with_files(added, held_files(scenario))
+    added = Scenario.from_table(table, f"{scenario.name} with {', '.join(effects.names) or 'no effects'}")
+    return added.with_files(scenario.held_files)
 
 
 def with_effects(scenario: Scenario, names: Iterable[str]) -> Scenario:

@@ -15,15 +15,7 @@ import numpy as np
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import plant_entry
-from cranectl.scenario import (
-    ALL_EFFECTS,
-    NANOSECONDS,
-    Scenario,
-    held_files,
-    nanoseconds,
-    parse_settings,
-    with_files,
-)
+from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
     Array,
@@ -137,7 +129,7 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     table = mapped(campaign.nominal.model_dump())
     for parameter, value in zip(campaign.parameters, values, strict=True):
         assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
-    return with_files(parse_settings(Scenario, table, source), held_files(campaign.nominal))
+    return Scenario.from_table(table, source).with_files(campaign.nominal.held_files)
 
 
 def nominal_scenario(campaign: Campaign, sampled: Scenario) -> Scenario:
@@ -244,7 +236,7 @@ def _parameter(
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
     """Return the error for a name that is no number; it lists the numbers below it, or similar names."""
-    everything = {**values, **dict(leaves(ALL_EFFECTS.model_dump(), "effects"))}
+    everything = {**values, **dict(leaves(EffectNumbers().model_dump(), "effects"))}
     known = [
         leaf
         for leaf, value in everything.items()

@@ -17,7 +17,7 @@ from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers import OPEN, UDP, controller_digests, controller_sources
 from cranectl.loaders.opening import file_from
 from cranectl.plants import BATCH, PLANTS, PlantEntry, examine, model_plants, plant_sources
-from cranectl.scenario import MetricSettings, RigParameters, Scenario, parse_settings, without_file_names
+from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
 from cranectl.support import HARMLESS, InputError, Table, documents, provenance, provenance_differences
 
 FORMAT = 3
@@ -146,14 +146,14 @@ def campaign_of(manifest: Mapping[str, Any], source: str) -> Campaign:
     """Make the campaign from `manifest` alone: the file of its scenario may have changed since."""
     open_models(manifest)
     settings = parse_campaign(manifest["campaign"], source)
-    nominal = parse_settings(Scenario, manifest["scenario"], source)
+    nominal = Scenario.from_table(manifest["scenario"], source)
     return Campaign(settings, nominal, parameters_of(settings, nominal), manifest["runs"])
 
 
 def open_models(manifest: Mapping[str, Any]) -> None:
     """Open the model files of a campaign's plants, or remember only their names where the files are not."""
     for name, declared in manifest.get("models", {}).items():
-        rig = parse_settings(RigParameters, manifest["scenario"]["rig"], "the rig of the campaign")
+        rig = RigParameters.from_table(manifest["scenario"]["rig"], "the rig of the campaign")
         try:
             examine(declared["file"] if name not in PLANTS else name, rig)
         except InputError:

@@ -34,7 +34,7 @@ from cranectl.campaign.manifest import (
     start_facts,
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
-from cranectl.scenario import files_in, put_files, remove_files, with_files
+from cranectl.scenario import HeldFiles
 from cranectl.support import InputError, Table, exists, provenance_differences, read_json, write_text, writing
 
 MANIFEST_FILE = "campaign.json"
@@ -97,7 +97,7 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
     directory = Path(directory)
     manifest = read_manifest(directory)
     campaign = campaign_of(manifest, str(directory / MANIFEST_FILE))
-    campaign = replace(campaign, nominal=with_files(campaign.nominal, files_in(directory)))
+    campaign = replace(campaign, nominal=campaign.nominal.with_files(HeldFiles(directory).read()))
     origins = origins_of(manifest)
     parts, damaged = _survey(directory, campaign, origins)
     if damaged:
@@ -229,7 +229,7 @@ def open_store(
             manifest["command"] = known.get("command", [])
         with writing(directory, remedy=ELSEWHERE):
             write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
-            put_files(directory, campaign.nominal)
+            HeldFiles(directory).write(campaign.nominal.held_files)
         try:
             yield _prepared(directory, campaign, manifest)
         except InputError:
@@ -307,6 +307,6 @@ def _clear(directory: Path) -> None:
         path.unlink()
     with suppress(OSError):  # it does not exist, or holds other files
         (directory / REPLAYS).rmdir()
-    remove_files(directory)
+    HeldFiles(directory).remove()
     with suppress(FileNotFoundError):
         (directory / MANIFEST_FILE).unlink()

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics import Limits
 from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
-from cranectl.scenario import Assigned, RuleError, Settings, override, parse_settings, rig_place
+from cranectl.scenario import RuleError, Settings, override, rig_place
 from cranectl.support import MAX_RUNS, InputError, Shipped, leaves, read_toml
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
@@ -106,17 +106,18 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
         table["rig"] = str(rig_place(table["rig"], path.parent))
     if isinstance(table.get("plants"), list):
         table["plants"] = [str(rig_place(str(name), path.parent)) for name in table["plants"]]
-    return parse_campaign(override(table, overrides), path.name, Assigned(overrides, table))
+    return parse_campaign(table, path.name, overrides)
 
 
-def parse_campaign(
-    table: Mapping[str, Any], source: str, assigned: Assigned | None = None
-) -> CampaignSettings:
-    """Return the settings in the table of a campaign; raise InputError that names the mistake in `source`."""
-    table = dict(table)
+def parse_campaign(stated: Mapping[str, Any], source: str, overrides: Sequence[str] = ()) -> CampaignSettings:
+    """Return the settings in the table of a campaign, changed by `overrides` such as `"runs=100"`.
+
+    Raises InputError that names the mistake in `source`.
+    """
+    table = override(stated, overrides) if overrides else dict(stated)
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
-    settings = parse_settings(CampaignSettings, table, source, assigned)
+    settings = CampaignSettings.from_table(table, source, overrides=overrides, before=stated)
     plants = tuple(map(plant_named, settings.plants))
     for name in plants:
         plant_entry(name).check_campaigns()
@@ -155,4 +156,4 @@ def _distribution(name: str, table: Any, source: str) -> Distribution:
     kind = table["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise InputError.unknown("distribution", str(kind), DISTRIBUTIONS)
-    return parse_settings(DISTRIBUTIONS[kind], table, f"{source}: uncertain.{name}")
+    return DISTRIBUTIONS[kind].from_table(table, f"{source}: uncertain.{name}")

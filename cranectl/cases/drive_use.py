@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.plants import DRIVES, lacking, plant_argument, plant_entry
-from cranectl.scenario import NO_LIMIT, assumed_settings
 from cranectl.simulate import Run
 from cranectl.support import Array
 
@@ -32,7 +31,7 @@ class DriveUse(NamedTuple):
 def drive_uses(run: Run) -> list[DriveUse]:
     """Return the largest commands of a run with samples, in descending order of their share of the limit."""
     limits, scenario = run.scenario.drive_limits, run.scenario
-    assumed = assumed_settings(scenario.rig, scenario.effects)
+    assumed = scenario.assumed_settings
     uses = [
         DriveUse(axis, UNITS[kind], commanded, limit, f"{scenario.drive_limits_key}.{kind}" in assumed)
         for kind, commands in commands_of(run).items()
@@ -73,7 +72,7 @@ def beyond_drives(run: Run) -> str:
     )
     if _may_be_refused(run, uses, drive := "force" if is_force else "velocity"):
         return text
-    none = [NO_LIMIT] * 3
+    none = [run.scenario.drive_limits.NO_LIMIT] * 3
     if is_force:  # such drives have no set-points, whose limits would be refused
         force = list(run.scenario.drive_limits.force)
         table = f"{{velocity={none}, acceleration={none}, force={force}}}"

@@ -97,7 +97,7 @@ def certify_command(
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.controllers import controller_design
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
-    from cranectl.scenario import length_scale, rounded
+    from cranectl.scenario import Scaled
     from cranectl.simulate import checked_drive
 
     if time_constant is not None:
@@ -108,11 +108,12 @@ def certify_command(
     checked = checked_drive(drive)
     design = controller_design(controller, loaded)
     flat = design.axis_design is not None
-    shortest, longest = loaded.rig.rope_range
-    size = length_scale(longest)
-    scaled_lengths = {max(rounded(size * length), shortest): None for length in ROPE_LENGTHS}
-    scaled_tilts = [(rounded(alpha / size), rounded(beta / size)) for alpha, beta in TILTS]
-    scaled_speeds = [rounded(size**0.5 * speed) for speed in HOISTING_SPEEDS]
+    shortest = loaded.rig.rope_range[0]
+    size = loaded.rig.length_scale
+    length_scale, tilt_scale, speed_scale = Scaled(1.0), Scaled(-1.0), Scaled(0.5)
+    scaled_lengths = {max(length_scale.sized(length, size), shortest): None for length in ROPE_LENGTHS}
+    scaled_tilts = [(tilt_scale.sized(alpha, size), tilt_scale.sized(beta, size)) for alpha, beta in TILTS]
+    scaled_speeds = [speed_scale.sized(speed, size) for speed in HOISTING_SPEEDS]
     points = grid_of(
         loaded,
         rope_lengths=rope_lengths or list(scaled_lengths),

@@ -166,10 +166,8 @@ class ScenarioRequest(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario import default_scenario, read_scenario
+        from cranectl.scenario import read_scenario
 
-        if self.source is None:
-            return default_scenario(rig=self.rig, overrides=self.overrides)
         return read_scenario(self.source, rig=self.rig, overrides=self.overrides)
 
     def load(self) -> "Scenario":
@@ -190,11 +188,10 @@ class ScenarioRequest(NamedTuple):
 def _warn_of_masses(scenario: "Scenario") -> None:
     """Warn once in a command, on standard error, if masses of a crane are implausible."""
     from cranectl.cli.output import Screen, styled
-    from cranectl.scenario import mass_warning
 
     context = click.get_current_context(silent=True)
     printed = context.meta.setdefault("cranectl.warnings", set()) if context else set()
-    warning = mass_warning(scenario.rig)
+    warning = scenario.rig.mass_warning
     if warning and (scenario.name, warning) not in printed:
         printed.add((scenario.name, warning))
         Screen(stderr=True).print(styled(f"{scenario.name}: {warning}", "yellow"))

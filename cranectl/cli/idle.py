@@ -50,7 +50,7 @@ def idle_lines(
     settings that the command does not read: it says so of options only, since a file is for every command.
     With `all_effects` the command takes numbers of the rig for effects that the scenario does not have.
     """
-    from cranectl.scenario import given_settings, idle_effects
+    from cranectl.scenario import given_settings
 
     stated = [name for name in given_settings(*request) if name not in LABELS]
     if not stated:
@@ -67,7 +67,7 @@ def idle_lines(
     lines = [
         f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in reasons.items() if names
     ]
-    effects = () if all_effects else idle_effects(scenario, read)
+    effects = () if all_effects else scenario.idle_effects(read)
     return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
 
 

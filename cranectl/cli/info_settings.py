@@ -81,7 +81,7 @@ def _is_log(file: Path) -> bool:
 
 def print_rig(request: ScenarioRequest, screen: Screen) -> None:
     """Print each number of a rig and where it comes from."""
-    from cranectl.scenario import ASSUMED, SCALED, mass_warning, rig_origins
+    from cranectl.scenario import RigOrigins
 
     if request.rig is not None:
         raise InputError(
@@ -89,16 +89,15 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
             allowed="one rig, changed by --set",
             remedy="leave out --rig",
         )
-    rig = rig_origins(str(request.source), request.overrides)
-    scaled, assumed = rig.count(SCALED), rig.count(ASSUMED)
+    rig = RigOrigins.read(str(request.source), request.overrides)
     screen.print(_rig_table(f"Rig {request.source}", rig))
-    screen.print(f"{len(rig.numbers) - scaled - assumed} stated, {scaled} scaled, {assumed} assumed")
-    if scaled:
+    screen.print(f"{rig.stated} stated, {rig.scaled} scaled, {rig.assumed} assumed")
+    if rig.scaled:
         screen.print(
             f"scaled from the laboratory rig: lengths by {rig.length:.3g}, times by {rig.length**0.5:.3g}, "
             f"masses and forces by {rig.mass:.3g}"
         )
-    screen.print_each(filter(None, [mass_warning(rig.rig)]))
+    screen.print_each(filter(None, [rig.rig.mass_warning]))
     screen.write_json(
         {
             "kind": "rig",
@@ -112,12 +111,11 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
 
 def _rig_table(title: str, rig: "RigOrigins") -> "Table":
     from cranectl.report.table import Cell, Table, cells
-    from cranectl.scenario import ASSUMED, SCALED
     from cranectl.support import plain
 
-    marks = dict.fromkeys((ASSUMED, SCALED), "open")
     rows = (
-        cells(n.name, plain(n.value), Cell(n.origin, marks.get(n.origin, "")), n.meaning) for n in rig.numbers
+        cells(n.name, plain(n.value), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
+        for n in rig.numbers
     )
     note = "Numbers of effects act in runs that have the effect. Units are SI; every key: list --schema rig."
     return Table(title, ("number", "value", "from", "meaning"), tuple(rows), labels=4, note=note)
@@ -126,7 +124,6 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
     from cranectl.report.table import Table, cells
-    from cranectl.scenario import assumed_settings, changed_from_default
     from cranectl.support import plain
 
     scenario = request.read()
@@ -144,10 +141,10 @@ def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
         ("must end", scenario.expected),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
-    assumed = assumed_settings(scenario.rig, scenario.effects)
+    assumed = scenario.assumed_settings
     rows = tuple(
         cells(name, plain(value), "scaled to the crane" if name in assumed else "")
-        for name, value in changed_from_default(scenario).items()
+        for name, value in scenario.changed_from_default.items()
     )
     title = "Settings that are not the default"
     screen.print(Table(title, ("setting", "value", ""), rows, labels=3) if rows else "All settings: default")

@@ -70,7 +70,7 @@ def json_schema(document: str) -> dict[str, Any]:
     from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
     from cranectl.measured.mapping import MeasuredMap
-    from cranectl.scenario import RigParameters, Scenario, added_kinds
+    from cranectl.scenario import AddedSegment, RigParameters, Scenario
 
     models: dict[str, Any] = {
         "scenario": Scenario,
@@ -82,7 +82,7 @@ def json_schema(document: str) -> dict[str, Any]:
     schema = models[document].model_json_schema()
     if document == "scenario":
         schema["$defs"]["LimitSettings"] |= _limits()
-        schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = list(added_kinds())
+        schema["$defs"]["AddedSegment"]["properties"]["kind"]["enum"] = AddedSegment.kinds()
         schema["properties"]["controller"] = _controller(schema["$defs"]["ControllerSettings"])
         rig = schema["properties"]["rig"]
         by_path = {"description": "path of a rig file, relative to this file"}

@@ -93,7 +93,6 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     from cranectl.log import is_overlay, read_layers
     from cranectl.plants import plants_of_logs
     from cranectl.report.viewer_layouts import layout_json
-    from cranectl.scenario import LABORATORY
 
     layers = read_layers(log) if log else {}
     rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
@@ -106,7 +105,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         name,
         plants=plants,
         labels=labels,
-        rig=rigs[0] if rigs else LABORATORY,
+        rig=rigs[0] if rigs else None,
         logged=design.signals if design and design.axis_design is None else None,
         recorded=_signals_without_reference(layers),
     )

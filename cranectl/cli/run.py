@@ -128,8 +128,8 @@ def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
 def _layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     """Return the arguments of `cranectl log layout` for a log of `plants`."""
     from cranectl.plants import default_plants
-    from cranectl.scenario import drawn_as_filed
+    from cranectl.scenario import Drawing
 
     name = "single" if len(plants) == 1 else "comparison"
-    is_usual = drawn_as_filed(rig) and plants == default_plants()
+    is_usual = Drawing(rig).is_as_filed and plants == default_plants()
     return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")

@@ -15,7 +15,7 @@ from cranectl.compare.runs import (
     first_differences,
     named_signals,
 )
-from cranectl.scenario import NANOSECONDS, Settings, nanoseconds, parse_settings
+from cranectl.scenario import NANOSECONDS, Settings, nanoseconds
 from cranectl.simulate import Run
 from cranectl.support import InputError, Shipped, matching, read_toml
 
@@ -91,7 +91,7 @@ class RegressionVerdict:
 def load_tolerances(name_or_path: str) -> Tolerances:
     """Load tolerances by name or from a TOML file; raise InputError for mistakes in it."""
     path = Shipped.REGRESSIONS.file(name_or_path)
-    return parse_settings(Tolerances, read_toml(path), path.name)
+    return Tolerances.from_table(read_toml(path), path.name)
 
 
 def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> RegressionVerdict:

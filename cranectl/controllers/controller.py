@@ -21,7 +21,7 @@ from numbers import Real
 from typing import Any, Literal, NamedTuple, get_args
 
 from cranectl.design import ControllerDesign, Design, Origin, Value
-from cranectl.scenario import MAX_DURATION, MIN_DURATION, DesignSettings, RigParameters, rounded
+from cranectl.scenario import DesignSettings, RigParameters, Scaled, Scenario
 from cranectl.signals import Signal
 from cranectl.support import Array, InputError, check_fields, check_name, check_whole, shown
 
@@ -85,9 +85,7 @@ class Parameter:
 
     def sized(self, value: Value, length: float) -> Value:
         """Scale `value` from the laboratory rig to a similar one that is `length` times as large."""
-        if isinstance(value, str) or self.length_power == 0.0 or length == 1.0:
-            return value
-        return rounded(value * length**self.length_power)
+        return value if isinstance(value, str) else Scaled(self.length_power).sized(value, length)
 
     def checked(self, value: Value, where: str) -> Value:
         """Return `value` if it is allowed; else raise an InputError that names the allowed values."""
@@ -270,7 +268,7 @@ class Controller:
         check_whole(f"{self.name}.every", self.every, 1, MAX_EVERY, every)
         preview = "how many rows of the reference it looks ahead"
         check_whole(f"{self.name}.preview", self.preview, 0, MAX_PREVIEW, preview)
-        lowest, highest = self.every * MIN_DURATION, self.every * MAX_DURATION
+        lowest, highest = self.every * Scenario.MIN_PERIOD, self.every * Scenario.MAX_SECONDS
         is_number = isinstance(self.period, Real) and not isinstance(self.period, bool)
         self._check(
             "period",

@@ -31,7 +31,7 @@ from cranectl.controllers.flat import Tracker, begin, control_step, make_tracker
 from cranectl.controllers.lqr_integral import matrices
 from cranectl.controllers.slots import Slots
 from cranectl.design import design_controller
-from cranectl.scenario import FASTEST, SLOWEST, DesignSettings
+from cranectl.scenario import DesignSettings
 from cranectl.signals import COLUMN, VIRTUAL_INPUT, controller_group
 from cranectl.support import Array, jit
 
@@ -124,7 +124,8 @@ FLAT_VELOCITY = Controller(
     reads=("gravity", "time_constants"),
     command="velocity",
     parameters=tuple(
-        Parameter(name, -2.5, "1/s", "a pole of the load's error, real", -FASTEST, -SLOWEST,
+        Parameter(name, -2.5, "1/s", "a pole of the load's error, real",
+                  -DesignSettings.FASTEST_POLE, -DesignSettings.SLOWEST_POLE,
                   search=(0.8, 24.0), length_power=-0.5)
         for name in POLES
     ),

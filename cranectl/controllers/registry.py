@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
-from cranectl.scenario import Scenario, size_of
+from cranectl.scenario import Scenario
 from cranectl.support import (
     FINGERPRINT_DIGITS,
     Extensions,
@@ -189,7 +189,7 @@ def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
     if controller.axis_design is not None:
         return controller.axis_design(scenario.design)
     stated = scenario.controller.parameters.get(name, {})
-    return controller.designed(stated, size_of(scenario.rig))
+    return controller.designed(stated, scenario.rig.design_scale)
 
 
 def flat_design(name: str, scenario: Scenario) -> Design:

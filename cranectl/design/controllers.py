@@ -81,11 +81,11 @@ def _computed(name: str, settings: DesignSettings) -> Design:
     if kind == "hinf":
         from cranectl.design.mixed_sensitivity import hinf_robustifier
 
-        robustifier = hinf_robustifier(gain, settings.hinf)
+        robustifier = hinf_robustifier(gain, settings)
     elif kind == "loop-shaping":
         from cranectl.design.loop_shaping import loop_shaping_robustifier
 
-        robustifier = loop_shaping_robustifier(gain, settings.loop_shaping)
+        robustifier = loop_shaping_robustifier(gain, settings)
     loop, modal = open_loop(gain, robustifier.system), robustifier.modal
     gamma = robustifier.gamma
     record = Robustifier(modal.A, modal.B.ravel(), modal.C.ravel(), float(modal.D[0, 0]))

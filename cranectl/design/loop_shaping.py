@@ -22,7 +22,7 @@ from cranectl.design.linear_systems import (
     poles_text,
     real_modal_form,
 )
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario import DesignSettings
 from cranectl.support import Array, InputError
 
 SLOWER = "move design.poles towards 0, or raise design.input_weight or design.loop_shaping.integral"
@@ -71,7 +71,7 @@ def _synthesise(plant: control.StateSpace, back_off: float) -> HinfController:
     return HinfController(k, gamma_min, achieved)
 
 
-def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synthesised:
+def loop_shaping_robustifier(gain: Array, settings: DesignSettings) -> Synthesised:
     """Design a robustifier for the inner loop with `gain`.
 
     The weight W_e = P + I/s shapes the inner loop from v-bar to z. Since K is in positive feedback and
@@ -79,7 +79,7 @@ def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synt
     """
     weight, inner = error_weight(settings), inner_loop(gain)
     try:
-        design = glover_mcfarlane(inner * weight, settings.back_off)
+        design = glover_mcfarlane(inner * weight, settings.loop_shaping.back_off)
     except InputError as error:
         raise InputError(error.found, allowed=error.allowed, remedy=SLOWER) from error
     robustifier = -weight * design.controller
@@ -97,9 +97,10 @@ def loop_shaping_robustifier(gain: Array, settings: LoopShapingSettings) -> Synt
     return Synthesised(robustifier, modal, design.gamma_min, design.gamma)
 
 
-def error_weight(settings: LoopShapingSettings) -> control.StateSpace:
+def error_weight(settings: DesignSettings) -> control.StateSpace:
     """Return W_e = P + I/s."""
-    return control.ss([[0.0]], [[1.0]], [[settings.integral]], [[settings.proportional]])
+    weight = settings.loop_shaping
+    return control.ss([[0.0]], [[1.0]], [[weight.integral]], [[weight.proportional]])
 
 
 def _coprime_problem(plant: control.StateSpace) -> control.StateSpace:

@@ -34,7 +34,7 @@ from cranectl.design.linear_systems import (
     real_modal_form,
     unstable_poles,
 )
-from cranectl.scenario import HinfSettings
+from cranectl.scenario import DesignSettings
 from cranectl.support import Array, InputError
 
 NAME = "S/KS"
@@ -90,7 +90,7 @@ def _by_full_information(
     return checked_controller(in_own_units(problem, controller), smallest, achieved, target, NAME)
 
 
-def hinf_robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
+def hinf_robustifier(gain: Array, settings: DesignSettings) -> Synthesised:
     """Design a robustifier for the inner loop with `gain` (5.1)."""
     try:
         return _robustifier(gain, settings)
@@ -100,7 +100,8 @@ def hinf_robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
         ) from error
 
 
-def _robustifier(gain: Array, settings: HinfSettings) -> Synthesised:
+def _robustifier(gain: Array, design_settings: DesignSettings) -> Synthesised:
+    settings = design_settings.hinf
     omega = settings.bandwidth
     pole = omega * settings.offset
     # W_s = (s/M + omega) / (s + pole)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
 from cranectl.plants import Drive, Plant, plant_entry, substeps
-from cranectl.scenario import NANOSECONDS, STILL, Scenario, Settings
+from cranectl.scenario import NANOSECONDS, Scenario, Settings
 from cranectl.signals import STATE
 from cranectl.support import Array, array_words, block_leaves
 
@@ -53,13 +53,12 @@ class PlantNumbers:
         parts = {
             name: _replaced(getattr(effects, name), f"effects.{name}", numbers) for name in effects.names
         }
-        still = {} if effects.wind else {"wind": STILL}  # or no force on the load would act
         return self.make_plant(
             _replaced(self.scenario.rig, "rig", numbers),
             drive=self.drive,
             step=self.scenario.period_ns / NANOSECONDS / steps,
             substeps=steps,
-            effects=effects.model_copy(update={**parts, **still}),
+            effects=effects.model_copy(update=parts).in_air,
         )
 
     def memory(self, numbers: Mapping[str, float]) -> Memory:

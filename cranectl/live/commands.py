@@ -6,7 +6,6 @@ blocks. A new controller design is computed and checked here, so that the run ne
 
 import contextlib
 import functools
-import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from cranectl.design import ControllerDesign, with_gain
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import HandLimits
-from cranectl.scenario import Scenario, length_scale, rounded
+from cranectl.scenario import Scaled, Scenario
 from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
 from cranectl.support import InputError, printable
 
@@ -78,14 +77,14 @@ class Controls:
         self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
-        length = length_scale(scenario.rig.rope_range[1])
-        self._pulse_seconds = rounded(PULSE[1] * math.sqrt(length))
+        length = scenario.rig.length_scale
+        self._pulse_seconds = Scaled(0.5).sized(PULSE[1], length)
         self._values: dict[str, Value] = {
             "pause": False,
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
             **tunable_values(design),
-            "pulse_alpha": rounded(PULSE[0] / length),
+            "pulse_alpha": Scaled(-1.0).sized(PULSE[0], length),
             "pulse_beta": 0.0,
         }
 

@@ -20,18 +20,7 @@ from cranectl.reference import (
     driven_derivatives,
     rest_state,
 )
-from cranectl.scenario import (
-    MAX_DURATION,
-    MAX_RECORDED_CHANGES,
-    NANOSECONDS,
-    SETTLING_TIME,
-    Disturbance,
-    Driven,
-    Hold,
-    ReferenceSettings,
-    Scenario,
-    seconds,
-)
+from cranectl.scenario import NANOSECONDS, Disturbance, Driven, Hold, ReferenceSettings, Scenario
 from cranectl.support import Array, InputError, parse_json, printable
 
 VELOCITY_TIMEOUT = 0.3  # [s] without a message after which the requested velocity becomes zero
@@ -68,9 +57,9 @@ class HandReference:
                 allowed=f"{_point(low)} to {_point(high)} m",
                 remedy="choose a scenario that ends there, or reduce planning.clearance",
             )
-        self._settling = math.ceil(SETTLING_TIME / self.limits.bandwidth / self._period)  # samples
+        self._settling = math.ceil(Driven.SETTLING_TIME / self.limits.bandwidth / self._period)  # samples
         # After this sample, a run would be too short for the load to come to rest.
-        self._end = round(MAX_DURATION / self._period) - self._settling
+        self._end = round(Scenario.MAX_SECONDS / self._period) - self._settling
         if sample >= self._end:
             raise _too_late()
         self._state, self._request = rest_state(self._start), RELEASED
@@ -80,7 +69,7 @@ class HandReference:
 
     def follow(self, sample: int, request: HandRequest) -> None:
         """Follow `request` from `sample` on; raise InputError if the session cannot record more."""
-        full = sample >= self._end or len(self._changes) >= MAX_RECORDED_CHANGES - 2
+        full = sample >= self._end or len(self._changes) >= Driven.MAX_CHANGES - 2
         now = RELEASED if full else request
         if now != self._request:
             self._request = self._changes[sample - self._first] = now
@@ -153,7 +142,7 @@ def _reference_until(reference: ReferenceSettings, time: float) -> ReferenceSett
     segments = list(reference.segments)
     while segments and isinstance(segments[-1], Hold):
         segments.pop()
-    end = sum(map(seconds, segments))
+    end = sum(segment.seconds for segment in segments)
     if time < end - 1e-9:
         raise InputError(
             f"the scenario's reference moves the load until {end:g} s after the start",
@@ -172,7 +161,7 @@ def _point(numbers: Array) -> str:
 def _too_late() -> InputError:
     return InputError(
         "the motion is too long for a scenario that repeats it",
-        allowed=f"{MAX_DURATION:g} s with the load at rest at the end, {MAX_RECORDED_CHANGES} requests",
+        allowed=f"{Scenario.MAX_SECONDS:g} s with the load at rest at the end, {Driven.MAX_CHANGES} requests",
         remedy="call /reset",
     )
 

@@ -35,7 +35,7 @@ from cranectl.log import (
     status,
 )
 from cranectl.metrics import workspace_excess
-from cranectl.scenario import NANOSECONDS, Scenario, drawn_scale
+from cranectl.scenario import NANOSECONDS, Drawing, Scenario
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
 from cranectl.support import Array, provenance
@@ -62,7 +62,7 @@ class Increments:
 
     def __init__(self, scenario: Scenario, plan: Plan, plants: Sequence[str]) -> None:
         self._scenario, self._plan, self._period = scenario, plan, scenario.period_ns
-        self._opacities, self._scale = scene.opacities(plants), drawn_scale(scenario.rig)
+        self._opacities, self._scale = scene.opacities(plants), Drawing(scenario.rig).scale
         self._every = scenario.log.every
         logged = self._every * self._period / NANOSECONDS
         self._pose_step = self._every * max(1, round(1.0 / scene.RATE / logged))  # samples between poses

@@ -14,7 +14,7 @@ from cranectl.controllers import MEMORY, bind_address, with_own_memory
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
 from cranectl.plants import Drive, air_velocity, plants_to_run
-from cranectl.scenario import MAX_DURATION, NANOSECONDS, Disturbance, Scenario
+from cranectl.scenario import NANOSECONDS, Disturbance, Scenario
 from cranectl.signals import Z
 from cranectl.simulate import (
     Run,
@@ -59,9 +59,9 @@ class Session(TakesTurns):
         self._hand: HandReference | None = None  # None until a user drives by hand
         self._compiled = prepare_controller(scenario, design, drive, self.plan)
         period = scenario.period_ns / NANOSECONDS
-        samples = round(MAX_DURATION / period) + 1  # enough noise and gusts for the longest run
+        samples = round(Scenario.MAX_SECONDS / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
-        self._air_velocity = air_velocity(scenario.effects.wind, 1 if still else samples, period)
+        self._air_velocity = air_velocity(scenario.effects, 1 if still else samples, period)
         sensing = scenario.effects.sensing
         self._encoders = make_encoders(sensing, samples) if sensing else None
         self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]

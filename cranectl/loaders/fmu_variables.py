@@ -11,7 +11,7 @@ from cranectl.controllers import MAX_SIGNAL_NAME, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
-from cranectl.scenario import Settings, parse_settings
+from cranectl.scenario import Settings
 from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
 from cranectl.support import InputError, did_you_mean, parse_toml
 
@@ -71,7 +71,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     """
     declared = description.modelVariables
     source = str(file.path.with_suffix(".toml"))
-    table = parse_settings(FmuTable, parse_toml(file.table.decode("utf-8", "replace"), source), source)
+    table = FmuTable.from_table(parse_toml(file.table.decode("utf-8", "replace"), source), source)
     all_inputs, all_outputs = (
         [variable for variable in declared if variable.causality == cause] for cause in ("input", "output")
     )

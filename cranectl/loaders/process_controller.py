@@ -28,7 +28,7 @@ from pydantic import Field
 from cranectl.controllers import UDP, Controller, Slots, called_by_address
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
-from cranectl.scenario import Settings, parse_settings
+from cranectl.scenario import Settings
 from cranectl.signals import Signal
 from cranectl.support import (
     Array,
@@ -82,7 +82,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     table = {"address": file.reference}
     if not file.reference.startswith(UDP):
         table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
-    settings = parse_settings(ProcessSettings, table, file.reference)
+    settings = ProcessSettings.from_table(table, file.reference)
     if not file.companions:  # a worker process already has these files
         file = _with_named_files(settings, file)
     check_name("controller", settings.name)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
-from cranectl.scenario import Plannable, Scenario, Segment, Spline, nanoseconds, seconds
+from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
@@ -98,7 +98,7 @@ def phases(scenario: Scenario) -> list[tuple[int, Phase]]:
     starts, start = [], 0.0
     for segment in scenario.reference.segments:
         starts.append((nanoseconds(start), _phase(segment)))
-        start += seconds(segment)
+        start += segment.seconds
     return [*starts, (nanoseconds(start), Phase.HOLD)]
 
 
@@ -199,8 +199,7 @@ def origins(scenario: Scenario) -> dict[str, str]:
 
 def _origin(segment: Segment) -> str:
     file = _file_of(segment) if isinstance(segment, Spline) and segment.source else ""
-    claim = segment.claim if isinstance(segment, Plannable) else ""
-    return "; ".join(filter(None, (file, claim)))
+    return "; ".join(filter(None, (file, segment.claim)))
 
 
 def _file_of(spline: Spline) -> str:

@@ -18,7 +18,7 @@ from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry, plant_entry
-from cranectl.scenario import MeasuredScenario, Scenario, held_files, parse_settings, with_files
+from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
@@ -125,8 +125,8 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     """Return the header; `parse_header` turns the errors of a contradictory or wrong one into LogError."""
     declared = metadata["cranectl"]
     kind = MeasuredScenario if declared["format"] == WITHOUT_REFERENCE else Scenario
-    stated = parse_settings(kind, _json(attachments, "scenario.json"), "scenario.json")
-    scenario = with_files(stated, attachments)
+    stated = kind.from_table(_json(attachments, "scenario.json"), "scenario.json")
+    scenario = stated.with_files(attachments)
     plants = declared["plants"].split(",")
     if len(set(plants)) < len(plants):
         raise ValueError(f"it has a plant twice: {declared['plants']}")
@@ -247,7 +247,7 @@ def file_attachments(runs: Sequence[Run]) -> list[Attachment]:
             {**asdict(group), "signals": [astuple(s) for s in group.signals]} for group in first.own_groups
         ]
         attached.append((GROUPS, "application/json", json.dumps({"groups": groups}).encode()))
-    files = held_files(first.scenario)
+    files = first.scenario.held_files
     attached += [(name, "application/octet-stream", content) for name, content in files.items()]
     return [Attachment(0, 0, *content) for content in attached]
 

@@ -18,7 +18,7 @@ from cranectl.log.events import disturbance_times
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants import plant_entry, reference_plant
-from cranectl.scenario import NANOSECONDS, RigParameters, drawn_scale, drawn_trail
+from cranectl.scenario import NANOSECONDS, Drawing, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
 from cranectl.simulate import Run, disturbances_at
 from cranectl.support import SLACK_ROPE, VIEWER, Array, rgb
@@ -126,7 +126,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
 
     ghost = opacity < 1.0
     tint = rgb(colour or VIEWER[plant_entry(plant).colour]) if ghost else None
-    inset = 2.0 * GHOST_INSET * drawn_scale(rig) if ghost else 0.0
+    inset = 2.0 * GHOST_INSET * Drawing(rig).scale if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
     for solid in rig_solids(rig):
         if ghost and solid.body == "frame":
@@ -168,7 +168,7 @@ def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Strea
 
 def trail_step(rig: RigParameters) -> float:
     """Return the time between the points of a trail, and between its messages [s]."""
-    return drawn_trail(rig) / TRAIL_POINTS
+    return Drawing(rig).trail / TRAIL_POINTS
 
 
 def trail(
@@ -194,7 +194,7 @@ def all_arrows(run: Run) -> Stream:
     """Return the arrows of a whole run."""
     times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
     acting, rig = disturbances_at(run.scenario, np.array(times)), run.scenario.rig
-    return arrows(run.plant, times, acting, mass=rig.load_mass, scale=drawn_scale(rig))
+    return arrows(run.plant, times, acting, mass=rig.load_mass, scale=Drawing(rig).scale)
 
 
 def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:
@@ -236,7 +236,7 @@ def path(run: Run) -> Stream:
     shade, rig = rgb(VIEWER["reference"]), run.scenario.rig
     points = _points(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
     line = _line(points, PATH_WIDTH, color=_colour(shade, 0.9))
-    size = _vector([TARGET * drawn_scale(rig)] * 3)
+    size = _vector([TARGET * Drawing(rig).scale] * 3)
     ball = fg.SpherePrimitive(pose=ORIGIN, size=size, color=_colour(shade, 0.6))
     target = _entity("reference", "target", 0, spheres=[ball])
     return _scene(topics.REFERENCE_PATH, [0], [[_entity("world", "path", 0, lines=[line]), target]])

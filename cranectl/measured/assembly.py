@@ -15,15 +15,7 @@ from scipy.signal import savgol_filter
 from cranectl.design import ControllerDesign
 from cranectl.measured.mapping import ANGLES, LOAD, POSITIONS, MeasuredMap
 from cranectl.plants import PLANTS, Drive, PlantEntry
-from cranectl.scenario import (
-    NANOSECONDS,
-    MeasuredScenario,
-    RigParameters,
-    Scenario,
-    length_scale,
-    longest_step,
-    parse_settings,
-)
+from cranectl.scenario import NANOSECONDS, MeasuredScenario, RigParameters, Scenario, longest_step
 from cranectl.signals import STATE, SignalGroup, measured_groups
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -138,7 +130,7 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
     """Return what is known of a measured run in the words of a scenario."""
     period = float(time_ns[1]) / NANOSECONDS
     x, y, rope = table[0, :5:2].tolist()
-    step = LAB_STEP * sqrt(length_scale(rig.rope_range[1]))  # drives and swing of a larger crane are slower
+    step = LAB_STEP * sqrt(rig.length_scale)  # drives and swing of a larger crane are slower
     settings = {
         "name": mapping.name,
         "title": mapping.title,
@@ -149,7 +141,7 @@ def _scenario(mapping: MeasuredMap, rig: RigParameters, time_ns: NDArray[np.int6
         "log": {"every": 1},
         "rig": rig.model_dump(mode="json"),
     }
-    return parse_settings(MeasuredScenario, settings, "the measured run")
+    return MeasuredScenario.from_table(settings, "the measured run")
 
 
 def describe_files(files: Sequence[Path], mapping: MeasuredMap) -> str:

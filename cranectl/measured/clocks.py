@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.measured.mapping import TIMES, ClockMap, MeasuredMap, SignalMap
-from cranectl.scenario import MAX_MEASURED, nanoseconds
+from cranectl.scenario import MeasuredScenario, nanoseconds
 from cranectl.support import Array, InputError, Mask, TableHead
 
 USUAL_GAPS = 10.0  # times the usual step that rows may be apart
@@ -134,11 +134,11 @@ def imported_part(
     first = max(float(time[0]) - delay for time, delay in used)
     last = min(float(time[-1]) - delay for time, delay in used)
     begin, end = first + mapping.begin, last if mapping.end is None else min(first + mapping.end, last)
-    if not begin < end or end - begin > MAX_MEASURED:
+    if not begin < end or end - begin > MeasuredScenario.MAX_SECONDS:
         raise InputError(
             f"the part to import is from {mapping.begin:g} s to {end - first:g} s; all signals are there "
             f"for {max(last - first, 0.0):.6g} s",
-            allowed=f"a part with a length, of at most {MAX_MEASURED:g} s",
+            allowed=f"a part with a length, of at most {MeasuredScenario.MAX_SECONDS:g} s",
             remedy="choose other times in from and to, or give the files one clock by the offset of each",
         )
     return begin, end

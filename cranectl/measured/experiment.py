@@ -17,7 +17,7 @@ from cranectl.measured.replay import (
     with_longer_steps,
 )
 from cranectl.measured.responses import white_noise
-from cranectl.scenario import NANOSECONDS, RigParameters, length_scale
+from cranectl.scenario import NANOSECONDS, RigParameters
 from cranectl.signals import STATE
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask
@@ -50,7 +50,7 @@ class Unknown:
 
 def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     """Return the numbers that can be fitted, with their first values from `rig`."""
-    friction, size = rig.effects.friction, length_scale(rig.rope_range[1])
+    friction, size = rig.effects.friction, rig.length_scale
     fitted = []
     if replay != "motion":
         for axis in AXES:

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl.reference import SI_FACTORS
-from cranectl.scenario import Duration, Many, RuleError, Settings, parse_settings
+from cranectl.scenario import Duration, RuleError, Settings
 from cranectl.support import read_toml
 
 POSITIONS = ("bridge_position", "trolley_position", "rope_length")
@@ -194,7 +194,9 @@ class MeasuredMap(Settings):
     check_physics: bool = Field(True, description="whether the rope must answer the motion of its pivot")
     layout: LayoutMap = Field(LayoutMap(), description="of the files")
     time: ClockMap = Field(description="clock of the file, or of all files")
-    clocks: Many[ClockMap] = Field((), description="a clock for each FILE in place of `time`")
+    clocks: Annotated[tuple[ClockMap, ...], Field(strict=False)] = Field(
+        (), description="a clock for each FILE in place of `time`"
+    )
     signals: SignalMaps = Field(description="a table for each signal")
 
     @model_validator(mode="after")
@@ -238,4 +240,4 @@ class MeasuredMap(Settings):
 
 def read_map(path: Path) -> MeasuredMap:
     """Read the map of measured files; raise InputError with what is wrong in it."""
-    return parse_settings(MeasuredMap, read_toml(path), str(path))
+    return MeasuredMap.from_table(read_toml(path), str(path))

@@ -15,7 +15,7 @@ from cranectl.measured.experiment import CHANNELS, Experiment, unknowns_of
 from cranectl.measured.identification import MAX_READINGS, Estimate, estimates_of
 from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
-from cranectl.scenario import NANOSECONDS, RigParameters, length_scale, nanoseconds, parse_settings
+from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, at_least, at_most
 
@@ -43,7 +43,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
     the swing of the load.
     """
     swing = 2.0 * pi * sqrt(float(np.mean(rig.rope_range)) / rig.gravity)
-    chosen = period or max(round(1000.0 * LAB_PERIOD * sqrt(length_scale(rig.rope_range[1]))), 1) / 1000.0
+    chosen = period or max(round(1000.0 * LAB_PERIOD * sqrt(rig.length_scale)), 1) / 1000.0
     longest, shortest = (swing / samples for samples in SAMPLES_IN_SWING)
     if not shortest <= chosen <= longest:
         raise InputError(
@@ -72,7 +72,7 @@ def _slowed_run(rig: RigParameters, start: Array, speeds: Array, period: float) 
 
 
 def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
-    mapping = parse_settings(MeasuredMap, tomllib.loads(recording_map("proposed", "lab-rig")), "the map")
+    mapping = MeasuredMap.from_table(tomllib.loads(recording_map("proposed", "lab-rig")), "the map")
 
     def run_with(readings: Array) -> Run:
         signals = dict(zip((*CHANNELS, *COMMANDS), np.hstack([readings, speeds]).T, strict=True))

@@ -11,7 +11,7 @@ from pydantic import Field, create_model
 from cranectl.metrics.summary import RunMetrics, metric_course
 from cranectl.metrics.table import all_metrics, low_is_bad
 from cranectl.plants import plant_entry
-from cranectl.scenario import Scenario, Settings, parse_settings
+from cranectl.scenario import Scenario, Settings
 from cranectl.simulate import Run
 
 Limit = Annotated[float, Field(ge=0.0)] | None
@@ -99,7 +99,7 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
 
 def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
     """Return the limits in `table` by metric; raise InputError that names `where` for wrong entries."""
-    return parse_settings(Limits, table, where).given
+    return Limits.from_table(table, where).given
 
 
 def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.plants import DRIVES, Drive
 from cranectl.reference import HoldPath, SplinePath, build_trajectory
-from cranectl.scenario import NANOSECONDS, ReferenceSettings, Scenario, drawn_load_radius
+from cranectl.scenario import NANOSECONDS, Drawing, ReferenceSettings, Scenario
 from cranectl.signals import PATH
 from cranectl.simulate import has_signal_path
 from cranectl.support import Array
@@ -56,7 +56,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
         obstacles=np.array([(obstacle.low, obstacle.high) for obstacle in scenario.obstacles]).reshape(
             -1, 2, 3
         ),
-        load_radius=drawn_load_radius(rig),
+        load_radius=Drawing(rig).load_radius,
         flag_column=flag_column if has_signal_path(scenario.effects, drive) else NO_FLAGS,
     )
 

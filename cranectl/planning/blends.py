@@ -9,7 +9,7 @@ import numpy as np
 
 from cranectl.planning.arithmetic import Interval
 from cranectl.reference import LineOrArc, Number, Series, blend_corner, derivatives_at, parts_of
-from cranectl.scenario import MINIMUM_TIME, Arc, BlendedPath, Line, Segment
+from cranectl.scenario import Arc, BlendedPath, Line, Segment
 from cranectl.support import Array, InputError
 
 HALF_BLEND_PIECES = 128  # on each of which the distance of half a blend is enclosed
@@ -76,7 +76,7 @@ def choose_blend_length(before: LineOrArc, after: LineOrArc, tolerance: float) -
 
 def check_follower(segment: Segment | None, where: str) -> None:
     """Raise InputError where the segment after a blend cannot be joined to it."""
-    if isinstance(segment, Line | Arc) and segment.time_law == MINIMUM_TIME:
+    if isinstance(segment, Line | Arc) and segment.is_in_minimum_time:
         return
     timing = " whose time is given" if isinstance(segment, Line | Arc) else ""
     follower = "nothing" if segment is None else f"a segment of kind '{segment.kind}'{timing}"
@@ -94,4 +94,4 @@ def path_with_blends(segments: Sequence[Line | Arc], start: Array, where: str) -
     for index, (before, after, segment) in enumerate(zip(parts, parts[1:], segments, strict=False)):
         check_corner(before, after, f"{where}: corner {index + 1}")
         lengths.append(choose_blend_length(before, after, segment.blend))
-    return BlendedPath(kind="path", parts=tuple(segments), taken=tuple(lengths), time_law=MINIMUM_TIME)
+    return BlendedPath(kind="path", parts=tuple(segments), taken=tuple(lengths), time_law="minimum-time")

@@ -8,7 +8,7 @@ import numpy as np
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
 from cranectl.reference import Series
-from cranectl.scenario import MAX_DURATION, Scenario, is_planned, scenarios_in
+from cranectl.scenario import Scenario, scenarios_in
 from cranectl.support import Array, InputError
 
 MAX_PLANNED = 200  # segments of a scenario whose timing is planned
@@ -33,7 +33,7 @@ LIMIT_KEYS = {
 
 def check_count(scenario: Scenario) -> None:
     """Raise InputError for more segments whose timing is left open than are planned for a scenario."""
-    count = sum(not is_planned(segment) for segment in scenario.reference.segments)
+    count = sum(not segment.is_planned for segment in scenario.reference.segments)
     if count > MAX_PLANNED:
         raise InputError(
             f"{scenario.name}: {count} segments leave their timing open, and planning takes seconds for each",
@@ -106,7 +106,7 @@ def check_least_time(start: Array, end: Array, limits: Limits, where: str) -> No
     """Raise InputError where the drives alone need longer than a run may last, from `start` to `end` (3,)."""
     times = least_times(start, end, limits)
     k = int(np.argmax(times))
-    if times[k] > MAX_DURATION:
+    if times[k] > Scenario.MAX_SECONDS:
         distance, speed, rate = abs(float(end[k] - start[k])), limits.velocity[k], limits.acceleration[k]
         name = "set-point" if distance >= speed**2 / rate else "set-point's rate"
         raise too_long(times[k], f"{AXES[k]} {name}", limits, f"{where} takes at least")
@@ -114,7 +114,7 @@ def check_least_time(start: Array, end: Array, limits: Limits, where: str) -> No
 
 def check_duration(duration: float, name: str, limits: Limits, where: str) -> None:
     """Raise InputError for a motion of `duration` [s] that limit `name` makes longer than a run may last."""
-    if duration > MAX_DURATION:
+    if duration > Scenario.MAX_SECONDS:
         raise too_long(duration, name, limits, f"{where} takes")
 
 
@@ -127,7 +127,7 @@ def too_long(duration: float, name: str, limits: Limits, takes: str) -> InputErr
     length = f"{duration:.4g} s" if np.isfinite(duration) else f"more than {MAX_TRIED_DURATION:g} s"
     return InputError(
         f"{takes} {length}: {words.format(axis=axis)} allows no less",
-        allowed=f"motions of at most {MAX_DURATION:g} s, as long as a run may last",
+        allowed=f"motions of at most {Scenario.MAX_SECONDS:g} s, as long as a run may last",
         remedy=f"raise {key.format(drives=limits.drives)}, or choose a shorter path",
     )
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.reference import Series
-from cranectl.scenario import Scenario, Segment, drawn_load_radius
+from cranectl.scenario import Drawing, Scenario, Segment
 from cranectl.support import Array
 
 SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits that plans may use, see docs/explanation/planning.md
@@ -78,7 +78,7 @@ def limits_of(scenario: Scenario) -> Limits:
         tension=((1.0 - share * (1.0 - low)) * rig.weight, (1.0 + share * (high - 1.0)) * rig.weight),
         load=np.array(planning.load_box) if planning.load_box else free,
         axes=rig.workspace,
-        radius=drawn_load_radius(rig),
+        radius=Drawing(rig).load_radius,
         obstacles=tuple(Box(o.name, np.array(o.low), np.array(o.high)) for o in scenario.obstacles),
         size=1.0,
     )

@@ -42,23 +42,16 @@ from cranectl.reference import (
     time_law_of,
 )
 from cranectl.scenario import (
-    MAX_DURATION,
-    MINIMUM_TIME,
     Along,
-    AlongPath,
     Arc,
     BlendedPath,
     Line,
     Move,
-    Plannable,
     Samples,
     Scenario,
     Segment,
     Spline,
-    SplineLaw,
     WayPoints,
-    is_planned,
-    seconds,
 )
 from cranectl.support import Array, InputError, kept
 
@@ -86,11 +79,11 @@ def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
         where = f"reference.segments.{index - len(to_blend)}"
         if to_blend and isinstance(segment, Line | Arc):
             segment, to_blend = path_with_blends([*to_blend, segment], point, where), []
-        ready = [segment] if is_planned(segment) else _prepare(segment, point, scenario, directory, where)
+        ready = [segment] if segment.is_planned else _prepare(segment, point, scenario, directory, where)
         for planned in ready:
             segments.append(planned)
             point = end_point(planned, point)
-    length = sum(map(seconds, segments))
+    length = sum(segment.seconds for segment in segments)
     check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     # The share of the plan stays, even if a run adds effects.
@@ -105,10 +98,10 @@ def _prepare(
         return [fit_samples(segment, start, scenario, directory, where)]
     if isinstance(segment, WayPoints):
         ready = interpolate_way_points(segment, start, scenario, directory, where)
-        if all(map(is_planned, ready)):
+        if all(segment.is_planned for segment in ready):
             return ready
         (segment,) = ready
-    assert isinstance(segment, AlongPath | Spline | Move)
+    assert isinstance(segment, Along | Spline | Move)
     return _plan_segment(segment, start, scenario, where)
 
 
@@ -118,13 +111,10 @@ def _plan_segment(
     """Return the planned segment, or its replacements. Plans are stored on disk and used again."""
     key = key_of(segment, start, scenario)
     if key not in _SEGMENTS:
-        text = kept(
-            "plans", [key, version("clarabel")], lambda: _plan_as_json(segment, start, scenario, where)
-        )
+        arguments = segment, start, scenario, where
+        text = kept("plans", [key, version("clarabel")], lambda: _plan_as_json(*arguments))
         plans = _PLANS.validate_json(text)
-        _SEGMENTS[key] = [
-            planned.claiming(claim) if isinstance(planned, Plannable) else planned for planned, claim in plans
-        ]
+        _SEGMENTS[key] = [planned.claiming(claim) for planned, claim in plans]
     return [
         planned.holding(segment.held)
         if isinstance(planned, Spline) and isinstance(segment, Spline)
@@ -136,7 +126,7 @@ def _plan_segment(
 def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenario, where: str) -> str:
     if isinstance(segment, Move):
         segments = plan_move(segment, start, scenario, where)
-    elif isinstance(segment, BlendedPath) and segment.time_law == MINIMUM_TIME:
+    elif isinstance(segment, BlendedPath) and segment.is_in_minimum_time:
         segments = plan_with_blends(segment, start, scenario, where)
     else:
         segments = [plan_along(segment, start, scenario, where)]
@@ -163,18 +153,16 @@ def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where:
     check_point(end, limits, f"{where}: its end")
     check_least_time(start, end, limits, where)
     quickest = np.inf
-    if segment.time_law == MINIMUM_TIME:
-        motion = _find_faster(
-            along_path(geometry, limits, estimate_shortest_duration(geometry, limits, where)), scenario
-        )
-        if motion and motion.duration <= MAX_DURATION:
+    if segment.is_in_minimum_time:
+        guess = estimate_shortest_duration(geometry, limits, where)
+        motion = _find_faster(along_path(geometry, limits, guess), scenario)
+        if motion and motion.duration <= Scenario.MAX_SECONDS:
             return _set_time_law(segment, motion)
         quickest = motion.duration if motion else np.inf
     duration = find_shortest_duration(geometry, limits, where)
-    check_duration(
-        min(duration, quickest), find_limiting_constraint(geometry, limits, duration), limits, where
-    )
-    return _set_duration(segment, duration, "degree-9")
+    constraint = find_limiting_constraint(geometry, limits, duration)
+    check_duration(min(duration, quickest), constraint, limits, where)
+    return segment.timed(duration, "degree-9")
 
 
 def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -187,20 +175,17 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
     geometry = geometry_of(segment, start, where)
     limits = limits_for(geometry.length, scenario)
     time_laws = [
-        (time_law_of(part), seconds(part), path.length) for part, path in zip(stopping, parts, strict=True)
+        (time_law_of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
-    return [_set_time_law(segment, motion)] if motion and motion.duration <= MAX_DURATION else list(stopping)
+    if motion and motion.duration <= Scenario.MAX_SECONDS:
+        return [_set_time_law(segment, motion)]
+    return list(stopping)
 
 
 def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
-    time_law = SplineLaw(coefficients=tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist()))
-    return _set_duration(segment, motion.duration, time_law)
-
-
-def _set_duration(segment: Along | Spline, duration: float, time_law: SplineLaw | str) -> Along | Spline:
-    key = "lasts" if isinstance(segment, Spline) else "duration"
-    return segment.model_copy(update={key: duration, "time_law": time_law})
+    coefficients = tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist())
+    return segment.timed(motion.duration, coefficients)
 
 
 def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
@@ -215,13 +200,12 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     quickest = longest = sum(durations)
     if segment.duration is None:
         motion = _find_faster(free_motion(segment, points, corners, limits, longest), scenario)
-        if motion and motion.duration <= MAX_DURATION:
+        if motion and motion.duration <= Scenario.MAX_SECONDS:
             return [_spline_segment(segment, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
-    check_duration(
-        quickest, find_limiting_constraint(lines[slowest], limits, durations[slowest]), limits, where
-    )
+    constraint = find_limiting_constraint(lines[slowest], limits, durations[slowest])
+    check_duration(quickest, constraint, limits, where)
     if segment.constant_rope:
         raise InputError(
             f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "

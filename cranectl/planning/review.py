@@ -13,7 +13,7 @@ from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
 from cranectl.reference import PLANNED_DEGREE, end_point, geometry_of, parts_of, spline
-from cranectl.scenario import Arc, BlendedPath, Line, Plannable, Scenario, Segment, Spline, SplineLaw, seconds
+from cranectl.scenario import Arc, BlendedPath, Line, Scenario, Segment, Spline
 from cranectl.support import Array, check_ascending
 
 ACTIVE_SHARE = 0.98  # of a limit, above which it counts as active
@@ -87,7 +87,7 @@ def reviews(scenario: Scenario) -> list[Review]:
     for index, segment in enumerate(scenario.reference.segments):
         if request := describe_planning(segment):
             result.append(_review(scenario, index, request, segment, start=point, start_time=start_time))
-        point, start_time = end_point(segment, point), start_time + seconds(segment)
+        point, start_time = end_point(segment, point), start_time + segment.seconds
     return result
 
 
@@ -95,9 +95,7 @@ def add_claims(scenario: Scenario) -> Scenario:
     """Return the scenario whose planned segments carry summaries of their reviews."""
     segments = list(scenario.reference.segments)
     for review in reviews(scenario):
-        segment = segments[review.segment]
-        assert isinstance(segment, Plannable)
-        segments[review.segment] = segment.claiming(review.summary)
+        segments[review.segment] = segments[review.segment].claiming(review.summary)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     return scenario.model_copy(update={"reference": reference})
 
@@ -118,7 +116,7 @@ def estimate_least_durations(
     """
     finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
     plans = plan, plan_motions(requested.model_copy(update={"planning": finer}), directory)
-    coarse, fine = ([seconds(segment) for segment in plan.reference.segments] for plan in plans)
+    coarse, fine = ([segment.seconds for segment in plan.reference.segments] for plan in plans)
     if len(coarse) != len(fine):  # one of the plans has stops
         return (float("nan"),) * len(coarse)
     return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
@@ -128,7 +126,7 @@ def describe_planning(segment: Segment) -> str:
     """Describe how a segment was planned, or return an empty text if it was not."""
     if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
         return "a move in minimum time"
-    if not isinstance(getattr(segment, "time_law", None), SplineLaw):
+    if segment.planned_law is None:
         return ""
     if isinstance(segment, BlendedPath):
         return "a path with blended corners in minimum time"
@@ -142,9 +140,9 @@ def curve_of(segment: Segment, start: Array) -> SegmentCurve:
         return SegmentCurve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
     assert isinstance(segment, Line | Arc | BlendedPath | Spline)
     to_load = geometry_of(segment, start)
-    duration = seconds(segment)
-    if isinstance(segment.time_law, SplineLaw):
-        coefficients = np.array(segment.time_law.coefficients)[:, None]
+    duration = segment.seconds
+    if segment.planned_law is not None:
+        coefficients = np.array(segment.planned_law)[:, None]
         spans = len(coefficients) - PLANNED_DEGREE
         return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, PLANNED_DEGREE, to_load)
     return SegmentCurve(np.array([0.0, duration]), DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE, to_load)
@@ -154,7 +152,7 @@ def _review(
     scenario: Scenario, index: int, request: str, segment: Segment, *, start: Array, start_time: float
 ) -> Review:
     limits, curve = limits_of(scenario), curve_of(segment, start)
-    duration = seconds(segment)
+    duration = segment.seconds
     time = np.linspace(0.0, duration, REVIEW_SAMPLES)
     series = series_along(*curve[:3], time)
     load = curve.to_load(series) if curve.to_load else series

@@ -9,7 +9,7 @@ from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.reference import Geometry, Series, time_law
-from cranectl.scenario import MAX_DURATION
+from cranectl.scenario import Scenario
 
 TIME_LAW_DEGREE = 9
 DEGREE_9_COEFFICIENTS = np.repeat([0.0, 1.0], 5)[:, None]  # of the time law as one Bernstein polynomial
@@ -46,10 +46,10 @@ def estimate_shortest_duration(geometry: Geometry, limits: Limits, where: str) -
     def is_kept(duration: float) -> bool:
         return max(peak_excesses(geometry, limits, duration).values()) <= 0.0
 
-    if is_kept(MAX_DURATION):
-        return bisect_duration(is_kept, MIN_TRIED_DURATION, MAX_DURATION, 1e-6)
+    if is_kept(Scenario.MAX_SECONDS):
+        return bisect_duration(is_kept, MIN_TRIED_DURATION, Scenario.MAX_SECONDS, 1e-6)
     return (
-        bisect_duration(is_kept, MAX_DURATION, MAX_TRIED_DURATION, 1e-6)
+        bisect_duration(is_kept, Scenario.MAX_SECONDS, MAX_TRIED_DURATION, 1e-6)
         if is_kept(MAX_TRIED_DURATION)
         else np.inf
     )

@@ -17,7 +17,7 @@ from cranectl.model import (
 from cranectl.plants.dop853 import STAGES, A, B
 from cranectl.plants.plant import DRIVES, Drive, Kernels, Triple
 from cranectl.plants.surroundings import FORCE, STICTION_RATE, air_drag, gravity_in_rig
-from cranectl.scenario import NO_EFFECTS, EffectSettings, RigParameters
+from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.signals import (
     ALPHA,
     ALPHA_RATE,
@@ -243,7 +243,7 @@ class AnalyticPlant:
         drive: Drive,
         step: float,
         substeps: int,
-        effects: EffectSettings = NO_EFFECTS,
+        effects: EffectSettings = EffectSettings(),
     ) -> None:
         self.drive = drive
         if DRIVES[drive].is_servo:

@@ -4,8 +4,8 @@ from math import isclose
 
 from cranectl.plants.model_files import plant_argument
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PLANTS, PlantEntry, labels_of, plant_entry
-from cranectl.scenario import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, Scenario, spread
+from cranectl.plants.registry import PARTS, PLANTS, WHOLE_EFFECTS, PlantEntry, labels_of, plant_entry
+from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.support import InputError
 
 USE_VELOCITY = "take '--drive velocity'"
@@ -84,9 +84,9 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
     for name, part in PARTS.items():
         effect, _, setting = name.partition(".")
         own = getattr(effects, effect)
-        if own is None or not part.acts(value := getattr(own, setting)):
+        if own is None or not part.acts(getattr(own, setting)):
             continue
-        none = spread(part.none, value)
+        none = getattr(own.with_numbers({setting: part.none}), setting)
         setting = f"effects.{name} = {list(none) if isinstance(none, tuple) else none}"
         if reason := lacking(entry, name):
             capable, remedy = _capable(entry, name)
@@ -105,11 +105,11 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
 
 def _check_no_set_points(effects: EffectSettings, entry: PlantEntry, drive: Drive) -> None:
     idle = {
-        f"effects.{effect}.{name}": spread(none, getattr(own, name))
+        f"effects.{effect}.{name}": none
         for effect, own in effects
         if own is not None
-        for name, none in own.set_points.items()
-        if getattr(own, name) != spread(none, getattr(own, name))
+        for name in own.set_points
+        if getattr(own, name) != (none := getattr(own.with_numbers(own.set_points), name))
     }
     if idle:
         settings = " and ".join(
@@ -126,7 +126,7 @@ def without_lacking(
     effects: EffectSettings, *, plant: str, drive: Drive
 ) -> tuple[EffectSettings, tuple[str, ...]]:
     """Return `effects` without what a plant lacks or its drives do not take, and the names of that."""
-    entry, update, left_out = plant_entry(plant), dict[str, Effect | None](), []
+    entry, update, left_out = plant_entry(plant), dict[str, object](), []
     for name in effects.names:
         kind, effect = EFFECTS[name], getattr(effects, name)
         idle = {part: own.none for part, own in kind.parts.items() if lacking(entry, f"{name}.{part}")}
@@ -136,8 +136,7 @@ def without_lacking(
             update[name] = None
             left_out.append(name)
         elif idle:
-            none = {part: spread(number, getattr(effect, part)) for part, number in idle.items()}
-            update[name] = effect.model_copy(update=none)
+            update[name] = effect.with_numbers(idle)
             left_out += [f"{name}.{part}" for part in idle]
     return effects.model_copy(update=update), tuple(left_out)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
-from cranectl.scenario import MIN_DURATION, EffectSettings, RigParameters, longest_step
+from cranectl.scenario import EffectSettings, RigParameters, Scenario, longest_step
 from cranectl.support import Array, InputError, exact_seconds
 
 Drive = Literal["ideal", "velocity", "force"]
@@ -94,7 +94,7 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
                 f"set control.physics_step to {exact_seconds(enough)} or less; or choose a softer rope or "
                 "frame, a heavier winch, or a body with more inertia"
             )
-            if enough >= MIN_DURATION
+            if enough >= Scenario.MIN_PERIOD
             else "choose a softer rope or frame, a heavier winch, or a body with more inertia",
             step=enough,
         )

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.scenario import PARTS, WHOLE_EFFECTS
+from cranectl.scenario import EFFECTS
 from cranectl.support import (
     COLOURS,
     VIEWER,
@@ -27,6 +27,13 @@ from cranectl.support import (
 
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
+# Effects that a plant shows or lacks as a whole, and parts of the other effects.
+WHOLE_EFFECTS = [
+    name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
+]
+PARTS = {
+    f"{name}.{part}": declared for name, kind in EFFECTS.items() for part, declared in kind.parts.items()
+}
 # What a plant may lack: effects, parts of effects, all forces on its axes, and disturbances of its load.
 LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
 # A plant shows these effects unless it declares that it lacks them; others only if it declares them.

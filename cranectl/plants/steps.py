@@ -10,7 +10,7 @@ condition. Within it, no difference was above half of the limit (tests/plants/te
 from math import sqrt
 
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario import STEP_ROUNDING, RigParameters, Scenario, default_step, longest_step, nanoseconds
+from cranectl.scenario import RigParameters, Scenario, longest_step, nanoseconds
 
 STEPS_PER_TIME = 20.0  # in the shortest lag, and in the swing's 1 / ω
 SWEPT_ROPE = 1.4  # [m]; longest rope of the crane with the most violent runs of the sweep
@@ -38,7 +38,7 @@ def physics_step(scenario: Scenario, drive: Drive) -> float:
     stated = scenario.control.physics_step
     if stated is not None:
         return stated
-    return default_step(scenario.control.period, longest_agreeing_step(scenario.rig, drive))
+    return scenario.control.default_step(longest_agreeing_step(scenario.rig, drive))
 
 
 def substeps(scenario: Scenario, drive: Drive) -> int:
@@ -56,12 +56,13 @@ def with_step(scenario: Scenario, drive: Drive) -> Scenario:
 
 def is_short_enough(scenario: Scenario, drive: Drive) -> bool:
     """Return True if the physics step keeps the condition under which all plants agree."""
-    return physics_step(scenario, drive) <= longest_agreeing_step(scenario.rig, drive) * (1.0 + STEP_ROUNDING)
+    allowed = longest_agreeing_step(scenario.rig, drive) * (1.0 + scenario.control.STEP_ROUNDING)
+    return physics_step(scenario, drive) <= allowed
 
 
 def describe_step(scenario: Scenario, drive: Drive) -> str:
     """Return the physics step of a run in words, and whether all plants agree with it on a rigid crane."""
-    longest = longest_agreeing_step(scenario.rig, drive) * (1.0 + STEP_ROUNDING)
+    longest = longest_agreeing_step(scenario.rig, drive) * (1.0 + scenario.control.STEP_ROUNDING)
     fits = longest_step(scenario.control.period, longest)
     promise = (
         "rigid plants agree to 1e-7 m and rad"

@@ -4,7 +4,7 @@ from math import sin, sqrt
 
 import numpy as np
 
-from cranectl.scenario import EffectSettings, Wind
+from cranectl.scenario import EffectSettings
 from cranectl.support import Array
 
 FORCE = 3  # first column of the force on the load in `wind`, after the velocity of the air
@@ -25,12 +25,13 @@ def air_drag(effects: EffectSettings) -> float:
     return 0.5 * wind.density * wind.drag_area if wind else 0.0
 
 
-def air_velocity(wind: Wind | None, samples: int, period: float) -> Array:
+def air_velocity(effects: EffectSettings, samples: int, period: float) -> Array:
     """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
 
     Horizontal gusts are white noise filtered by 1/(1 + T s), the first-order form of Dryden's spectrum
     (MIL-F-8785C). They are sampled exactly and stationary from the start. Equal seeds give equal wind.
     """
+    wind = effects.wind
     if wind is None:
         return np.zeros((samples, 3))
     from scipy.signal import lfilter

@@ -13,17 +13,8 @@ import numpy as np
 
 from cranectl.plants.capabilities import lacking
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PlantEntry, plant_entry
-from cranectl.scenario import (
-    EFFECTS,
-    NO_EFFECTS,
-    PARTS,
-    WHOLE_EFFECTS,
-    EffectSettings,
-    RigParameters,
-    Wind,
-    spread,
-)
+from cranectl.plants.registry import PARTS, WHOLE_EFFECTS, PlantEntry, plant_entry
+from cranectl.scenario import EFFECTS, EffectNumbers, EffectSettings, RigParameters
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError
 
@@ -31,7 +22,8 @@ PROBE_PERIOD, PROBE_PERIODS = 1e-3, 50  # control period [s], and number of peri
 SECONDS = PROBE_PERIOD * PROBE_PERIODS
 REACTION = 0.01  # least reaction, as a share of that of a point load on a rigid rope
 RIG = RigParameters()
-STILL, BREEZE = Wind(gust=0.0), Wind(gust=0.0, drag_area=0.02)
+STILL = EffectNumbers().wind.with_numbers({"gust": 0.0})
+BREEZE = STILL.with_numbers({"drag_area": 0.02})
 AIR = 10.0  # [m/s]
 VELOCITY_COLUMN, TENSION_COLUMN = 13, 16  # of an outcome: state (10), load (7) as of `Plant.advance`
 
@@ -41,7 +33,7 @@ class ProbeRun:
     """A short run: how the plant is made, whether it starts swinging, and what acts on it."""
 
     scaled: Mapping[str, float] = field(default_factory=dict)  # factors on numbers of the rig, by name
-    effects: EffectSettings = NO_EFFECTS
+    effects: EffectSettings = EffectSettings()
     moving: bool = False  # whether it starts swinging, and is driven
     disturbance: tuple[float, ...] = (0.0, 0.0)
     wind: tuple[float, ...] = (0.0,) * 6
@@ -127,9 +119,8 @@ def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
 
 
 def _with_effect(name: str, numbers: Mapping[str, float]) -> ProbeRun:
-    usual = EFFECTS[name]()
-    update = {key: spread(number, getattr(usual, key)) for key, number in numbers.items()}
-    return replace(MOVING, effects=NO_EFFECTS.model_copy(update={name: usual.model_copy(update=update)}))
+    effect = EFFECTS[name]().with_numbers(numbers)
+    return replace(MOVING, effects=EffectSettings().model_copy(update={name: effect}))
 
 
 def _grows(column: int, expected: float) -> Callable[[Array, Array], bool]:

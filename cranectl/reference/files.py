@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
-from cranectl.scenario import FromFile, Source, Units
+from cranectl.scenario import FromFile
 from cranectl.support import TICK_SECONDS, Array, InputError, open_input
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
@@ -36,9 +36,9 @@ class RecordedMotion:
         return np.column_stack([self.columns[axis] for axis in AXES])
 
     @property
-    def source(self) -> Source:
-        """The file, for the segment that is made from it."""
-        return Source(file=self.file, sha256=self.sha256, held=sha256_of(self.content))
+    def source(self) -> dict[str, str]:
+        """The table `source` of the segment that is made from the file."""
+        return {"file": self.file, "sha256": self.sha256, "held": sha256_of(self.content)}
 
 
 def sha256_of(content: bytes) -> str:
@@ -109,7 +109,7 @@ def _convert_to_si(kind: str, column: FileColumn, settings: FromFile, where: str
     """Return a column in SI units; raise InputError if its unit is unknown or contradicts the file."""
     quantity, stated_unit = _quantity_of(kind), column.unit
     name, unit = getattr(settings.columns, kind), getattr(settings.units, quantity)
-    allowed = _allowed_units(quantity)
+    allowed = settings.units.allowed(quantity)
     if unit is None and not stated_unit:
         raise InputError(
             f"{where}: the unit of {quantity} is not given",
@@ -131,17 +131,13 @@ def _convert_to_si(kind: str, column: FileColumn, settings: FromFile, where: str
     return SI_FACTORS[stated_unit or unit] * column.values
 
 
-def _allowed_units(quantity: str) -> list[str]:
-    """Return the units that a file can have for a quantity."""
-    allowed: list[str] = Units.model_json_schema()["properties"][quantity]["anyOf"][0]["enum"]
-    return allowed
-
-
 def _read_table(content: bytes, settings: FromFile, kinds: Sequence[str], where: str) -> dict[str, Array]:
     """Return columns of a CSV or Parquet file in SI units; a number as name makes a constant column."""
     columns = {kind: getattr(settings.columns, kind) for kind in kinds}
     names = {kind: name for kind, name in columns.items() if isinstance(name, str)}
-    read = read_columns(content, names, {kind: _allowed_units(_quantity_of(kind)) for kind in names}, where)
+    read = read_columns(
+        content, names, {kind: settings.units.allowed(_quantity_of(kind)) for kind in names}, where
+    )
     rows = len(next(iter(read.values())).values) if read else 0
     constant = {
         kind: FileColumn(np.full(rows, value), "") for kind, value in columns.items() if kind not in names

@@ -19,7 +19,7 @@ from scipy.interpolate import BPoly, BSpline
 
 from cranectl.reference.series import Number, Series
 from cranectl.reference.time_laws import Law, progress, spline
-from cranectl.scenario import Along, Arc, BlendedPath, Line, Spline, check_moves
+from cranectl.scenario import Along, Arc, BlendedPath, Line, Spline
 from cranectl.support import Array, InputError
 
 MATCHED_ORDERS = 6  # position and five derivatives, in which a blend matches its neighbours
@@ -216,7 +216,7 @@ def geometry_of(segment: Along | Spline, start: Array, where: str = "segment") -
     if isinstance(segment, BlendedPath):
         return blend_corners(parts_of(segment.parts, start, where), segment.taken)
     if isinstance(segment, Line | Arc):
-        check_moves(segment, start, where)
+        segment.check_moves(start, where)
     if isinstance(segment, Line):
         return Straight(start, np.array(segment.to))
     if isinstance(segment, Arc):

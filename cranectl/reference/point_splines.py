@@ -10,19 +10,7 @@ from scipy.interpolate import BSpline
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import RecordedSamples, interpolate_path, interpolate_points
 from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
-from cranectl.scenario import (
-    MAX_SPANS,
-    MAX_SPLINE_POINTS,
-    TO_START,
-    FitNumbers,
-    FromFile,
-    Hold,
-    Samples,
-    Scenario,
-    Spline,
-    WayPoints,
-    parse_settings,
-)
+from cranectl.scenario import FromFile, Hold, Samples, Scenario, Spline, WayPoints
 from cranectl.support import Array, InputError
 
 NEGLIGIBLE_SHARE = 0.2  # of the settling tolerance: 1 mm on the laboratory rig
@@ -49,10 +37,10 @@ def interpolate_way_points(
         motion = read_motion(directory / segment.file, segment, kinds, where)
         where = f"{where}: {segment.file}"
     points = np.array(segment.points) if motion is None else motion.points
-    if not 2 <= len(points) <= MAX_SPLINE_POINTS:
+    if not 2 <= len(points) <= segment.MAX_POINTS:
         raise InputError(
             f"{where}: {len(points)} points",
-            allowed=f"2 to {MAX_SPLINE_POINTS} points for a spline through each",
+            allowed=f"2 to {segment.MAX_POINTS} points for a spline through each",
             remedy='for a spline near more points use kind = "samples"',
         )
     check_numbers(np.arange(len(points), dtype=np.float64), points, where)
@@ -71,7 +59,7 @@ def interpolate_way_points(
         if rests:
             points[first : last + 1] = points[first]
             rest = {"kind": "hold", "duration": float(local_time[-1])}
-            segments.append(parse_settings(Hold, rest, f"{where}, a rest"))
+            segments.append(Hold.from_table(rest, f"{where}, a rest"))
             continue
         curve = _curve_through(segment, local_time, points[first : last + 1], scenario, where)
         check_demand([curve], scenario, where, begins=float(time[first]))
@@ -120,7 +108,7 @@ def fit_samples(segment: Samples, start: Array, scenario: Scenario, directory: P
     check_length(times[-1] - times[0], scenario, f"{where} lasts", TIMES_REMEDY)
     time = times - times[0]
     recorded = RecordedSamples(time, motion.points)
-    spans = segment.spans or recorded.choose_spans(MAX_SPANS, EXACT_SHARE * tolerance)
+    spans = segment.spans or recorded.choose_spans(segment.MAX_SPANS, EXACT_SHARE * tolerance)
     try:
         free = recorded.fit(spans)
     except np.linalg.LinAlgError:
@@ -138,14 +126,14 @@ def fit_samples(segment: Samples, start: Array, scenario: Scenario, directory: P
     band_time = np.linspace(0.0, time[-1], BAND_POINTS * spans + 1)
     check_demand((fit.curve, *fit.alternatives), scenario, where, band_time)
     peak, band = fit.snap(band_time)
-    numbers = FitNumbers(
-        spans=spans,
-        samples=len(time),
-        left_out_error=float(np.sqrt(recorded.cross_validate(spans).mean())),
-        residual=fit.residual_rms,
-        peak_d4=peak,
-        band_d4=band,
-    )
+    numbers = {
+        "spans": spans,
+        "samples": len(time),
+        "left_out_error": float(np.sqrt(recorded.cross_validate(spans).mean())),
+        "residual": fit.residual_rms,
+        "peak_d4": peak,
+        "band_d4": band,
+    }
     return _spline_segment(segment, fit.curve, motion, numbers)
 
 
@@ -219,7 +207,7 @@ def _apply_offset(
 
     `error` is the standard error (3,) of `first` [m].
     """
-    offset = start - first if segment.offset == TO_START else np.array(segment.offset)
+    offset = start - first if segment.offset == segment.TO_START else np.array(segment.offset)
     allowed = _negligible(scenario) + 4.0 * error
     if (np.abs(first + offset - start) > allowed).any():
         coordinates = ", ".join(f"{number:.4f}" for number in first + offset)
@@ -228,13 +216,13 @@ def _apply_offset(
                 f"{where} starts at [{coordinates}], not below the trolley",
                 allowed="z upwards from the height of the trolley, so that a hanging load has z below 0",
                 remedy="signs = [1, 1, -1] if the file counts z downwards; or offset = "
-                f"'{TO_START}' if it counts from elsewhere",
+                f"'{segment.TO_START}' if it counts from elsewhere",
             )
         raise InputError(
             f"{where} starts at [{coordinates}], but the load is at {[round(x, 4) for x in start.tolist()]}",
             allowed=f"at most {1e3 * allowed.max():.2g} mm between them",
             remedy=f"reference.start = [{coordinates}] if it is the first segment, or move there before, or "
-            f"offset = '{TO_START}'",
+            f"offset = '{segment.TO_START}'",
         )
     moved: Array = points + offset
     return moved
@@ -246,7 +234,10 @@ def _negligible(scenario: Scenario) -> float:
 
 
 def _spline_segment(
-    segment: WayPoints | Samples, curve: BSpline, motion: RecordedMotion | None, fit: FitNumbers | None = None
+    segment: WayPoints | Samples,
+    curve: BSpline,
+    motion: RecordedMotion | None,
+    fit: dict[str, float] | None = None,
 ) -> Spline:
     made = {
         "kind": "spline",
@@ -258,6 +249,4 @@ def _spline_segment(
         "source": motion.source if motion else None,
         "fit": fit,
     }
-    return parse_settings(Spline, made, f"the spline of {segment.kind}").holding(
-        motion.content if motion else b""
-    )
+    return Spline.from_table(made, f"the spline of {segment.kind}").holding(motion.content if motion else b"")

@@ -7,7 +7,7 @@ from scipy.interpolate import BSpline
 
 from cranectl.model import states_and_inputs
 from cranectl.reference.time_laws import derivatives
-from cranectl.scenario import MAX_DURATION, Scenario
+from cranectl.scenario import Scenario
 from cranectl.signals import ACCELERATION, Z
 from cranectl.support import Array, InputError
 
@@ -36,10 +36,10 @@ def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -
     fits = float(np.ceil(length))
     if abs(fits / period - round(fits / period)) > 1e-6:  # a run has whole periods
         fits = float(np.ceil(length / period) * period)
-    longer = f"duration = {fits:.9g} or more, " if fits <= MAX_DURATION else ""
+    longer = f"duration = {fits:.9g} or more, " if fits <= Scenario.MAX_SECONDS else ""
     raise InputError(
         f"{what} {length:.6g} s, longer than the run, {scenario.duration:g} s",
-        allowed=f"a run that its reference fits into, of at most {MAX_DURATION:g} s",
+        allowed=f"a run that its reference fits into, of at most {Scenario.MAX_SECONDS:g} s",
         remedy=f"{longer}{'or ' * bool(longer)}{otherwise}",
     )
 

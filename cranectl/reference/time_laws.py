@@ -9,7 +9,7 @@ import functools
 import numpy as np
 from scipy.interpolate import BPoly, BSpline
 
-from cranectl.scenario import AlongPath, Spline, SplineLaw
+from cranectl.scenario import Along, Spline
 from cranectl.support import Array
 
 REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}  # number of derivatives that vanish at both ends
@@ -18,11 +18,11 @@ Law = str | tuple[float, ...]  # a name, or the coefficients of a planned spline
 PLANNED_DEGREE = 7  # with simple knots C⁶, so the fifth derivative, which acts on the drives, is continuous
 
 
-def time_law_of(segment: AlongPath | Spline) -> Law:
+def time_law_of(segment: Along | Spline) -> Law:
     """Return the time law of a planned segment."""
-    time_law = segment.time_law
-    assert time_law is not None
-    return time_law.coefficients if isinstance(time_law, SplineLaw) else time_law
+    time_law = segment.planned_law or segment.time_law
+    assert isinstance(time_law, str | tuple)
+    return time_law
 
 
 @functools.lru_cache(maxsize=256)

@@ -19,9 +19,6 @@ from cranectl.scenario import (
     ReferenceSettings,
     Segment,
     Spline,
-    added_kinds,
-    check_moves,
-    seconds,
 )
 from cranectl.support import Array, InputError
 
@@ -208,12 +205,12 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, Hold):
         return HoldPath(start, segment.duration)
     if isinstance(segment, Line):
-        check_moves(segment, start, where)
-        return LinePath(start, np.array(segment.to), seconds(segment), time_law_of(segment))
+        segment.check_moves(start, where)
+        return LinePath(start, np.array(segment.to), segment.seconds, time_law_of(segment))
     if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
         from cranectl.reference.geometry import GeometricPath, geometry_of
 
-        return GeometricPath(geometry_of(segment, start, where), seconds(segment), time_law_of(segment))
+        return GeometricPath(geometry_of(segment, start, where), segment.seconds, time_law_of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -223,11 +220,11 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         limits = HandLimits(segment.bandwidth, *box)
         return DrivenPath(start, limits, segment.period, tuple(segment.changes), segment.duration)
     if isinstance(segment, AddedSegment):
-        added: Path = added_kinds()[segment.kind].path(segment.settings, start)
+        added: Path = segment.path(start)
         return added
     assert isinstance(segment, Arc), f"segment of kind {segment.kind} is not planned"
-    check_moves(segment, start, where)
-    return ArcPath(start, np.array(segment.centre), segment.angle, seconds(segment), time_law_of(segment))
+    segment.check_moves(start, where)
+    return ArcPath(start, np.array(segment.centre), segment.angle, segment.seconds, time_law_of(segment))
 
 
 def end_point(segment: Segment, start: Array) -> Array:

@@ -8,7 +8,7 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.render.timeline import Timeline
-from cranectl.scenario import drawn_trail
+from cranectl.scenario import Drawing
 from cranectl.support import LIGHT, SLACK_ROPE, difference_in
 
 SUPERSAMPLING = 4  # of symbols, since Pillow draws shapes with hard edges
@@ -113,7 +113,7 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
 def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
     """Return the symbols of the drawn objects, each with its meaning."""
     symbols: list[tuple[Symbol, str]] = []
-    alone = f", last {drawn_trail(timeline.main.run.scenario.rig):.0f} s"
+    alone = f", last {Drawing(timeline.main.run.scenario.rig).trail:.0f} s"
     for track in timeline.tracks:
         colour, width = (track.colour + "66", 9) if track.is_ghost else (track.colour, 3)
         role = alone if len(timeline.tracks) == 1 else ": ghost" if track.is_ghost else ": solid"

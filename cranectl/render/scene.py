@@ -20,7 +20,7 @@ from cranectl.plants import (
 )
 from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
-from cranectl.scenario import RigParameters, drawn_box, drawn_reach, drawn_scale
+from cranectl.scenario import Drawing, RigParameters
 from cranectl.support import LIGHT, SLACK_ROPE, Array, rgb
 
 Pixels = NDArray[np.uint8]
@@ -72,7 +72,7 @@ class Renderer:
     ) -> None:
         self._model, self._context, self._timeline, self._own = model, context, timeline, own
         rig = timeline.main.run.scenario.rig
-        self._scale, self._floor = drawn_scale(rig), -rig.rope_range[1]
+        self._scale, self._floor = Drawing(rig).scale, -rig.rope_range[1]
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
         self._line_width = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane comes first, since it sets up the scene with all static objects.
@@ -216,7 +216,8 @@ class Renderer:
 
 def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
     """Return the ends (2, 3) of a bar of round length along the bridge's travel, and half a tick (3,) [m]."""
-    scale, (low, high), (start, end) = drawn_scale(rig), drawn_box(rig), rig.bridge_range
+    drawing, (start, end) = Drawing(rig), rig.bridge_range
+    scale, (low, high) = drawing.scale, drawing.box
     limit = (end - start) / 3.0
     power = 10.0 ** np.floor(np.log10(limit))
     length = max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= limit)
@@ -234,8 +235,9 @@ def _model(rig: RigParameters, width: int, height: int, own: OwnGeometry | None 
     # Few facets of round shapes are invisible, and fast in software.
     spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10
     spec.visual.quality.shadowsize = 0
-    spec.tendon("rope").width = ROPE_WIDTH * drawn_scale(rig)
-    _set_light(spec, drawn_reach(rig))
+    drawing = Drawing(rig)
+    spec.tendon("rope").width = ROPE_WIDTH * drawing.scale
+    _set_light(spec, drawing.reach)
     model = spec.compile()
     # Cameras have a fixed vertical angle, so narrow pictures need a wider one to show the whole rig.
     widening = max(1.0, ASPECT * height / width)

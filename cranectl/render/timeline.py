@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants import plant_entry, shown_plant
-from cranectl.scenario import drawn_scale, drawn_trail
+from cranectl.scenario import Drawing
 from cranectl.simulate import Run
 from cranectl.support import LIGHT, VIEWER_SERIES, Array, InputError, Mask
 
@@ -52,7 +52,7 @@ class Track:
     def trail(self, row: int) -> Array:
         """Return positions of the load in the last seconds before a sample, (M, 3) [m], oldest first."""
         time = self.run.time_ns
-        start = int(np.searchsorted(time, time[row] - int(drawn_trail(self.run.scenario.rig) * 1e9)))
+        start = int(np.searchsorted(time, time[row] - int(Drawing(self.run.scenario.rig).trail * 1e9)))
         points: Array = self.run.load_position[np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))]
         return points
 
@@ -76,7 +76,7 @@ class Timeline:
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
         if not longest.has_reference:
             return np.zeros((0, 2, 3))
-        return dashes(longest.reference[:, :3], drawn_scale(longest.scenario.rig))
+        return dashes(longest.reference[:, :3], Drawing(longest.scenario.rig).scale)
 
     @cached_property
     def distances(self) -> list[tuple[Array, Array]]:

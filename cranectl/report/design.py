@@ -25,7 +25,7 @@ from cranectl.design import (
 )
 from cranectl.report.table import Table, cells
 from cranectl.report.theme import WIDTH, canvas
-from cranectl.scenario import LoopShapingSettings
+from cranectl.scenario import DesignSettings
 from cranectl.support import Array
 
 ROUNDING = 1e4  # the largest observed factor by which poles that nearly coincide amplify rounding
@@ -190,7 +190,7 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
     return figure
 
 
-def loop_shaping_figure(design: Design, settings: LoopShapingSettings) -> Figure:
+def loop_shaping_figure(design: Design, settings: DesignSettings) -> Figure:
     """Draw the inner loop, its weight, the shaped and the robustified loop, and the sensitivities."""
     robustifier = design.robustifier.system()
     inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))

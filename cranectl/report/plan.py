@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from cranectl.planning.limits import AXES
 from cranectl.planning.review import ACTIVE_SHARE, Review
 from cranectl.report.table import Table, cells
-from cranectl.scenario import Scenario, seconds
+from cranectl.scenario import Scenario
 
 LIMIT_COLOUR = "C1"
 PANELS = {  # title: quantities, each with its label
@@ -29,7 +29,7 @@ def plan_tables(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[
     reviews = {review.segment: review for review in reviewed}
     rows, begins = [], 0.0
     for index, segment in enumerate(scenario.reference.segments):
-        review, duration = reviews.get(index), seconds(segment)
+        review, duration = reviews.get(index), segment.seconds
         what, more = f"a {segment.kind}, as given", [""] * (4 if least else 3)
         if review is not None:
             name, slack = review.tightest
@@ -64,7 +64,7 @@ def plan_json(scenario: Scenario, reviewed: Sequence[Review], least: Sequence[fl
     """Return the review of a plan as plain data."""
     return {
         "scenario": scenario.name,
-        "duration_s": sum(map(seconds, scenario.reference.segments)),
+        "duration_s": sum(segment.seconds for segment in scenario.reference.segments),
         "segments": [
             {
                 "segment": review.segment,

@@ -18,7 +18,7 @@ from cranectl.report.run.first_screen import BADGES
 from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, run_table
 from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
 from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
-from cranectl.scenario import Scenario, crane_kind
+from cranectl.scenario import Drawing, Scenario
 from cranectl.support import difference_in, exact_seconds, quantity
 
 SHOWN = 10  # rows, the worst first, before the others are folded
@@ -54,7 +54,7 @@ class ScenarioVerdict(NamedTuple):
         """Crane and motion in words."""
         if self.scenario is None:
             return ""
-        kind = crane_kind(self.scenario.rig)
+        kind = Drawing(self.scenario.rig).kind
         return f"{kind[0].upper()}{kind[1:]}: {motion_text(self.scenario)}"
 
 

@@ -27,7 +27,7 @@ from cranectl.report.viewer_panels import (
     standings,
     without_legend,
 )
-from cranectl.scenario import LABORATORY, RigParameters
+from cranectl.scenario import RigParameters
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.support import VIEWER, VIEWER_SERIES, InputError
 
@@ -50,7 +50,7 @@ def layout_json(
     *,
     plants: Iterable[str] = (),
     labels: Sequence[str] = (),
-    rig: RigParameters = LABORATORY,
+    rig: RigParameters | None = None,
     logged: Sequence[Signal] | None = None,
     recorded: Collection[str] | None = None,
 ) -> str:
@@ -68,7 +68,7 @@ def layout_json(
     content: dict[str, Any] = {"layout": _numbered(drawn, panels), "configById": panels}
     content |= {"globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1.0}}
     for configuration in panels.values():
-        show_rig(configuration, rig)
+        show_rig(configuration, rig or RigParameters())
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.log import topics
 from cranectl.plants import PLANTS
-from cranectl.scenario import RigParameters, drawn_as_filed, drawn_box, drawn_eye, drawn_reach
+from cranectl.scenario import Drawing, RigParameters
 
 Panel = tuple[str, dict[str, Any]]  # its kind and configuration
 Layout = Panel | dict[str, Any]  # a panel, or two layouts side by side
@@ -53,7 +53,8 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
             command = configuration[button]
             most = rig.effects.limits.velocity["xyz".index(command["field"][-1])]
             command["value"] = round(command["value"] * most, 4)
-    if "cameraState" not in configuration or drawn_as_filed(rig):
+    drawing = Drawing(rig)
+    if "cameraState" not in configuration or drawing.is_as_filed:
         return
     camera, floor = configuration["cameraState"], configuration["layers"]["floor"]
     across, down = np.radians((camera["thetaOffset"], camera["phi"]))
@@ -61,12 +62,12 @@ def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
     right, up, back = (c[0], -s[0], 0.0), (s[0] * c[1], c[0] * c[1], s[1]), (-s[0] * s[1], -c[0] * s[1], c[1])
     axes, tangent = np.array([right, up, back]), np.tan(np.radians(camera["fovy"] / 2.0))
     target, distance = np.array(camera["targetOffset"]), camera["distance"]
-    eye, farther = drawn_eye(target + distance * axes[2], axes, np.full(2, tangent), rig)
+    eye, farther = drawing.eye(target + distance * axes[2], axes, np.full(2, tangent))
     camera["distance"] = round(farther * distance, 3)
     camera["targetOffset"] = (eye - farther * distance * axes[2]).round(3).tolist()
-    camera["near"], camera["far"] = (round(drawn_reach(rig) * camera[key], 4) for key in ("near", "far"))
-    low, high = drawn_box(rig)
-    floor["size"] = round(drawn_reach(rig) * floor["size"], 3)
+    camera["near"], camera["far"] = (round(drawing.reach * camera[key], 4) for key in ("near", "far"))
+    low, high = drawing.box
+    floor["size"] = round(drawing.reach * floor["size"], 3)
     floor["position"] = [*((low + high)[:2] / 2.0).round(3).tolist(), -rig.rope_range[1]]
 
 

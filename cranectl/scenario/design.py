@@ -1,7 +1,7 @@
 """The settings in `[design]`, from which controllers of the flat family are designed."""
 
 from collections import Counter
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     Field,
@@ -88,6 +88,9 @@ class LoopShapingSettings(Settings):
 
 class DesignSettings(Settings):
     """Settings of the feedback designs (thesis 5.2.1), the same for all axes."""
+
+    SLOWEST_POLE: ClassVar[float] = SLOWEST  # [1/s]
+    FASTEST_POLE: ClassVar[float] = FASTEST
 
     poles: Annotated[tuple[Pole, Pole, Pole, Pole], Field(strict=False), RATE] = Field(
         (-2.5, -2.5, -2.5, -2.5),

@@ -21,7 +21,7 @@ Resistance = Annotated[float, Field(ge=0.0, le=1e9)]
 Limit = Annotated[float, Field(ge=1e-6, le=1e9)]
 Seconds = Annotated[float, Field(ge=0.0, le=10.0)]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
-NO_LIMIT = 1e9  # the largest value of a Limit, which limits nothing
+_NO_LIMIT = 1e9  # the largest value of a Limit, which limits nothing
 DAMPING_MOMENT = Scaled(1.5, 1.0)
 WHOLE = ("",)  # stands for the whole effect in place of the names of settings
 
@@ -38,11 +38,6 @@ class Part(NamedTuple):
         return any(number != self.none for number in (value if isinstance(value, tuple) else (value,)))
 
 
-def spread(number: float, like: Any) -> Any:
-    """Return `number`, or a tuple of it as long as `like` if that is a tuple."""
-    return (number,) * len(like) if isinstance(like, tuple) else number
-
-
 class Effect(Settings):
     """Numbers of an effect, and its properties."""
 
@@ -55,22 +50,32 @@ class Effect(Settings):
     set_points: ClassVar[Mapping[str, float]] = {}  # settings of set-points, and their value without effect
     parts: ClassVar[Mapping[str, Part]] = {}  # by setting; if empty, a plant shows or lacks the whole effect
 
+    def with_numbers(self, numbers: Mapping[str, float]) -> Self:
+        """Return the effect with `numbers` by setting, each for all axes if the setting is a list."""
+        update: dict[str, Any] = dict(numbers)
+        for name, stated in ((name, getattr(self, name)) for name in numbers):
+            if isinstance(stated, tuple):
+                update[name] = (numbers[name],) * len(stated)
+        return self.model_copy(update=update)
+
     @property
     def linear_part(self) -> Self | None:
         """The effect with only those settings that keep a plant linear, or None if there are none."""
         if self.is_staged or not self.linear:
             return None
-        return self.model_copy(update={name: spread(0.0, getattr(self, name)) for name in self.nonlinear})
+        return self.with_numbers(dict.fromkeys(self.nonlinear, 0.0))
 
 
 class DriveLimits(Effect):
     """Limits of the drives of bridge, trolley and winch, to which commands are cut off."""
 
+    NO_LIMIT: ClassVar[float] = _NO_LIMIT
+
     adds = "limits of velocity, acceleration and force"
     is_staged = True
     nonlinear = WHOLE
-    set_points: ClassVar[Mapping[str, float]] = {"velocity": NO_LIMIT, "acceleration": NO_LIMIT}
-    parts: ClassVar[Mapping[str, Part]] = {"force": Part(NO_LIMIT, 20.0, on_axes=True)}
+    set_points: ClassVar[Mapping[str, float]] = {"velocity": _NO_LIMIT, "acceleration": _NO_LIMIT}
+    parts: ClassVar[Mapping[str, Part]] = {"force": Part(_NO_LIMIT, 20.0, on_axes=True)}
 
     velocity: Annotated[Triple[Limit], SPEED] = Field(
         (1.0, 1.0, 0.6), description="[m/s]; assumed: what belt axes and a winch of this size reach"
@@ -305,6 +310,11 @@ class EffectSettings(Settings):
         return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
 
     @property
+    def in_air(self) -> "EffectSettings":
+        """The effects with which forces act on the load: with wind, or else in still air without drag."""
+        return self if self.wind else self.model_copy(update={"wind": STILL})
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The effects that are on, in the order of the ladder."""
         return tuple(name for name, effect in self if effect is not None)
@@ -313,12 +323,5 @@ class EffectSettings(Settings):
 EFFECTS: dict[str, type[Effect]] = {
     k: type(model_field.default) for k, model_field in EffectNumbers.model_fields.items()
 }
-# Effects that a plant shows or lacks as a whole, and parts of the other effects.
-WHOLE_EFFECTS = [
-    name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
-]
-PARTS = {
-    f"{name}.{part}": declared for name, kind in EFFECTS.items() for part, declared in kind.parts.items()
-}
 NO_EFFECTS = EffectSettings()
-ALL_EFFECTS = EffectNumbers().only(*EffectNumbers.model_fields)
+STILL = Wind(gust=0.0, drag_area=0.0)

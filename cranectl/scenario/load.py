@@ -1,62 +1,27 @@
-"""Read scenarios and rigs from files: find the file of a name, and merge tables in order of precedence.
-
-Also handle what belongs to a scenario but is in no table of it: files of its segments, claims of its plan.
-"""
+"""Read scenarios and rigs from files: find the file of a name, and merge tables in order of precedence."""
 
 import functools
-import json
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cranectl.scenario.along_path import Plannable
-from cranectl.scenario.effects import NO_LIMIT, DriveLimits, EffectSettings
+from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import (
-    MAX_DEFAULT_STEP,
-    ControlSettings,
-    ReferenceSettings,
-    Scenario,
-    controller_table,
-)
-from cranectl.scenario.segments import Segment, Spline
-from cranectl.scenario.settings import Assigned, override, parse_settings
-from cranectl.scenario.similarity import check_size, completed_rig, completed_scenario
+from cranectl.scenario.run_settings import controller_table
+from cranectl.scenario.scenario import ReferenceSettings, Scenario
+from cranectl.scenario.settings import override
+from cranectl.scenario.similarity import completed_rig, completed_scenario
 from cranectl.support import (
     Array,
     InputError,
     Shipped,
     Table,
-    differences,
     is_path,
     is_plain,
     leaves,
     merged,
-    parse_json,
     read_toml,
-    replacing,
 )
-
-OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
-# The rig's numbers of effects are not reported either: the effects of the run have them.
-NOT_REPORTED: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
-
-FOLDER = "reference"
-PLAN = f"{FOLDER}/plan.json"  # claims of planned segments, by index
-DIGEST_DIGITS = 12  # of a SHA-256
-
-
-def changed_from_default(scenario: Scenario) -> dict[str, Any]:
-    """Return settings that differ from their defaults, by dotted name; skip keys of every scenario."""
-    usual_step = ControlSettings(physics_step=scenario.control.physics_step and MAX_DEFAULT_STEP)
-    start = ReferenceSettings(start=(0.0, 0.0, 0.0))
-    default = Scenario(name="default", duration=1.0, reference=start, control=usual_step)
-    usual, requested = (
-        settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, scenario)
-    )
-    changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
-    return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
 
 
 def scenario_names() -> list[str]:
@@ -89,14 +54,16 @@ def scenario_file(name_or_path: str | Path) -> Path:
 
 
 def read_scenario(
-    name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
+    name_or_path: str | Path | None, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:
-    """Load a scenario by name or from a TOML file.
+    """Load a scenario by name or from a TOML file, or the default scenario if there is no name.
 
     Parameters of the rig come from several sources, and later ones replace earlier ones: the defaults, the
     scenario's `[rig]` or the rig that it names, the file or shipped name `rig`, and `overrides` such as
     `"rig.load_mass=2.5"`. Raises an InputError that names all wrong fields.
     """
+    if name_or_path is None:
+        return default_scenario(rig=rig, overrides=overrides)
     path = scenario_file(name_or_path)
     table = read_toml(path)
     if isinstance(table.get("rig"), dict):
@@ -119,7 +86,7 @@ def rig_place(name_or_path: str, directory: Path) -> Path:
 
 def load_rig(name_or_path: str | Path) -> RigParameters:
     """Load a shipped rig by its name, or a rig from a TOML file."""
-    return parse_settings(RigParameters, rig_table(name_or_path), str(name_or_path))
+    return RigParameters.from_table(rig_table(name_or_path), str(name_or_path))
 
 
 def rig_names() -> list[str]:
@@ -154,7 +121,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
         below, directory = table.pop("extends", None), path.parent
-        parse_settings(RigParameters, table, str(path))
+        RigParameters.from_table(table, str(path))
         if not isinstance(below, str | None):
             raise InputError(
                 f"{path}: extends = {below!r}",
@@ -171,8 +138,8 @@ def given_settings(
 ) -> dict[str, Any]:
     """Return by dotted name the settings that the user gives: in the scenario, the rig and the overrides.
 
-    The arguments are those of `read_scenario`, or of `default_scenario` if there is no name. Settings in
-    files that come with cranectl do not count.
+    The arguments are those of `read_scenario`. Settings in files that come with cranectl do not
+    count.
     """
     table: Table = {}
     shipped = True
@@ -204,16 +171,6 @@ def _settings(table: Table) -> Iterator[tuple[str, Any]]:
     return leaves(table, is_leaf=lambda value: is_plain(value) or not value)
 
 
-def idle_effects(scenario: Scenario, stated: Iterable[str]) -> tuple[str, ...]:
-    """Return the effects that `scenario` does not have although `stated` sets numbers of the rig for them."""
-    named = {name.split(".")[2] for name in stated if name.startswith("rig.effects.")}
-    return tuple(
-        name
-        for name in EffectSettings.model_fields
-        if name in named and getattr(scenario.effects, name) is None
-    )
-
-
 def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
     """Return a scenario of defaults: the load hangs in the middle of the rig for a second."""
     table = {"name": "default", "duration": 1.0, "reference": {"start": [0.0, 0.0, -1.0]}}
@@ -234,14 +191,16 @@ def _scenario(table: Table, source: str, rig: str | Path | None, overrides: Sequ
     table = override(table, overrides)
     # A table [rig] with a rated load describes another crane, as a rig file does.
     if rig is None and isinstance(table.get("rig"), dict) and "rated_load" in table["rig"]:
-        parse_settings(RigParameters, table["rig"], f"{source}: rig", Assigned(overrides, before, "rig."))
+        RigParameters.from_table(
+            table["rig"], f"{source}: rig", overrides=overrides, before=before, prefix="rig."
+        )
         table = completed_scenario(table, completed_rig(table["rig"]))
     assigned = [override({}, [assignment]) for assignment in overrides]
     limited = _limits_in(own, *assigned)
     if limited:
         limited |= _limits_in({"rig": of_rig}, *assigned, below="rig.")
-    scenario = parse_settings(Scenario, _with_numbers(table, limited), source, Assigned(overrides, before))
-    check_size(scenario.rig, scenario.effects)
+    scenario = Scenario.from_table(_with_numbers(table, limited), source, overrides=overrides, before=before)
+    scenario.rig.check_size(scenario.effects)
     return scenario
 
 
@@ -269,70 +228,5 @@ def _with_numbers(table: Table, limited: Collection[str]) -> Table:
     }
     if limited and "limits" in whole:
         free = DriveLimits.model_fields.keys() - set(limited)
-        whole["limits"] |= {name: [NO_LIMIT] * 3 for name in free}
+        whole["limits"] |= {name: [DriveLimits.NO_LIMIT] * 3 for name in free}
     return {**table, "effects": {**effects, **whole}}
-
-
-def held_files(scenario: Scenario) -> dict[str, bytes]:
-    """Return the contents of the files that a log of the scenario attaches, by unique names."""
-    segments = enumerate(scenario.reference.segments)
-    claims = {
-        str(k): segment.claim for k, segment in segments if isinstance(segment, Plannable) and segment.claim
-    }
-    splines = [segment for segment in scenario.reference.segments if isinstance(segment, Spline)]
-    files = {_name(spline): spline.held for spline in splines if spline.held}
-    return {**files, PLAN: json.dumps(claims).encode()} if claims else files
-
-
-def with_files(scenario: Scenario, files: Mapping[str, bytes]) -> Scenario:
-    """Return a scenario that was read from a table with its `files`, as `held_files` returned them.
-
-    Raises InputError for claims that are not JSON.
-    """
-    if not files:
-        return scenario
-    claims = parse_json(files[PLAN], PLAN) if PLAN in files else {}
-    known_claims = claims if isinstance(claims, dict) else {}
-    segments: list[Segment] = []
-    for k, segment in enumerate(scenario.reference.segments):
-        if isinstance(segment, Plannable) and isinstance(claim := known_claims.get(str(k)), str):
-            segment = segment.claiming(claim)
-        if isinstance(segment, Spline) and _name(segment) in files:
-            segment = segment.holding(files[_name(segment)])
-        segments.append(segment)
-    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
-    return scenario.model_copy(update={"reference": reference})
-
-
-def put_files(directory: Path, scenario: Scenario) -> None:
-    """Write the files of `held_files` into `directory`, beside the table of the scenario; raise OSError."""
-    for name, content in held_files(scenario).items():
-        (directory / FOLDER).mkdir(exist_ok=True)
-        with replacing(directory / FOLDER / Path(name).name) as part:
-            part.write_bytes(content)
-
-
-def files_in(directory: Path) -> dict[str, bytes]:
-    """Return the files that `put_files` has written, for `with_files`; leave out unreadable ones."""
-    contents = {}
-    for path in _files(directory):
-        with suppress(OSError):
-            contents[f"{FOLDER}/{path.name}"] = path.read_bytes()
-    return contents
-
-
-def remove_files(directory: Path) -> None:
-    """Remove the files that `put_files` has written."""
-    for path in _files(directory):
-        path.unlink()
-    with suppress(OSError):  # the folder does not exist, or has other files
-        (directory / FOLDER).rmdir()
-
-
-def _files(directory: Path) -> list[Path]:
-    paths = (directory / FOLDER).glob(f"{'[0-9a-f]' * DIGEST_DIGITS}-*")
-    return sorted(path for path in (*paths, directory / PLAN) if path.is_file())
-
-
-def _name(spline: Spline) -> str:
-    return f"{FOLDER}/{spline.source.held[:DIGEST_DIGITS]}-{spline.source.file}" if spline.source else ""

@@ -9,8 +9,8 @@ import numpy as np
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.load import rig_files, rig_table
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import describe, override, parse_settings
-from cranectl.scenario.similarity import check_size, length_scale, scale_of
+from cranectl.scenario.settings import describe, override
+from cranectl.scenario.similarity import scale_of
 from cranectl.support import InputError, Shipped, leaves
 
 SCALED, ASSUMED = "scaled", "assumed"
@@ -25,6 +25,11 @@ class RigNumber(NamedTuple):
     origin: str  # SCALED, ASSUMED, or what states it: a file, a shipped rig, --set
     meaning: str
 
+    @property
+    def is_stated(self) -> bool:
+        """Whether somebody states the number."""
+        return self.origin not in (SCALED, ASSUMED)
+
 
 class RigOrigins(NamedTuple):
     """A rig with the origin of its numbers, and the factors by which those that nobody states are scaled."""
@@ -34,40 +39,50 @@ class RigOrigins(NamedTuple):
     length: float
     mass: float
 
-    def count(self, origin: str) -> int:
-        """Return how many numbers have an origin."""
-        return sum(number.origin == origin for number in self.numbers)
+    @property
+    def stated(self) -> int:
+        """How many numbers a file or `--set` states."""
+        return sum(number.is_stated for number in self.numbers)
 
+    @property
+    def scaled(self) -> int:
+        """How many numbers are scaled to the size of the crane."""
+        return sum(number.origin == SCALED for number in self.numbers)
 
-def rig_origins(name_or_path: str | Path, overrides: Sequence[str] = ()) -> RigOrigins:
-    """Return a rig by its name or path, changed by `overrides`, with the origin of each number.
+    @property
+    def assumed(self) -> int:
+        """How many numbers are those of the laboratory rig."""
+        return sum(number.origin == ASSUMED for number in self.numbers)
 
-    Raises InputError for a rig that runs refuse, and for overrides of anything else.
-    """
-    for assignment in overrides:
-        if not assignment.startswith("rig."):
-            raise InputError(
-                f"--set {assignment} of a rig",
-                allowed="numbers of the rig, such as rig.load_mass=2.5",
-                remedy="leave this --set out",
-            )
-    whole = rig_table(name_or_path)
-    table = override({"rig": whole}, overrides)["rig"]
-    rig = parse_settings(RigParameters, table, str(name_or_path))
-    check_size(rig, NO_EFFECTS)
-    length = length_scale(whole["rope_range"][1])
-    mass = whole["rated_load"] / RigParameters().rated_load
-    stated = _stated(name_or_path)
-    stated |= {text.partition("=")[0].strip().removeprefix("rig."): "--set" for text in overrides}
-    numbers = []
-    for name, value in leaves(rig.model_dump(mode="json"), is_leaf=_is_number):
-        is_scaled = bool(np.any(value)) and _is_scaled(name, length, mass)
-        origin = _origin(name, stated) or (SCALED if is_scaled else ASSUMED)
-        if not (origin in (SCALED, ASSUMED) and name.startswith(OF_DRAWINGS)):
-            numbers.append(
-                RigNumber(name, value, origin, _meaning(name, stated=origin not in (SCALED, ASSUMED)))
-            )
-    return RigOrigins(rig, tuple(numbers), length, mass)
+    @classmethod
+    def read(cls, name_or_path: str | Path, overrides: Sequence[str] = ()) -> "RigOrigins":
+        """Return a rig by its name or path, changed by `overrides`, with the origin of each number.
+
+        Raises InputError for a rig that runs refuse, and for overrides of anything else.
+        """
+        for assignment in overrides:
+            if not assignment.startswith("rig."):
+                raise InputError(
+                    f"--set {assignment} of a rig",
+                    allowed="numbers of the rig, such as rig.load_mass=2.5",
+                    remedy="leave this --set out",
+                )
+        whole = rig_table(name_or_path)
+        table = override({"rig": whole}, overrides)["rig"]
+        rig = RigParameters.from_table(table, str(name_or_path))
+        rig.check_size(NO_EFFECTS)
+        length = whole["rope_range"][1] / RigParameters().rope_range[1]
+        mass = whole["rated_load"] / RigParameters().rated_load
+        stated = _stated(name_or_path)
+        stated |= {text.partition("=")[0].strip().removeprefix("rig."): "--set" for text in overrides}
+        numbers = []
+        for name, value in leaves(rig.model_dump(mode="json"), is_leaf=_is_number):
+            is_scaled = bool(np.any(value)) and _is_scaled(name, length, mass)
+            origin = _origin(name, stated) or (SCALED if is_scaled else ASSUMED)
+            number = RigNumber(name, value, origin, "")
+            if number.is_stated or not name.startswith(OF_DRAWINGS):
+                numbers.append(number._replace(meaning=_meaning(name, stated=number.is_stated)))
+        return cls(rig, tuple(numbers), length, mass)
 
 
 def _stated(name_or_path: str | Path) -> dict[str, str]:
@@ -96,7 +111,7 @@ def _origin(name: str, stated: Mapping[str, str]) -> str:
 def _is_scaled(name: str, length: float, mass: float) -> bool:
     """Return True if a number, or one in a list, is larger or smaller on a crane of this size."""
     scales = map(scale_of, (name, *(f"{name}.{k}" for k in range(3))))
-    return any(length**scale.length * mass**scale.mass != 1.0 for scale in scales)
+    return any(scale.factor(length, mass) != 1.0 for scale in scales)
 
 
 def _meaning(name: str, *, stated: bool) -> str:

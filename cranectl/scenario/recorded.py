@@ -1,10 +1,11 @@
 """Recorded motions: commands of a live session, or columns of a file with their units."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from cranectl.scenario.segment_base import SegmentBase
 from cranectl.scenario.settings import (
     MAX_DURATION,
     TEXT_OR_OTHER,
@@ -20,21 +21,22 @@ from cranectl.scenario.settings import (
 )
 
 MAX_SAMPLES = 6_000_000  # of 120 bytes: ten minutes at 0.1 ms
-MAX_RECORDED_CHANGES = 20_000  # so that the file of a scenario is not too large
-SETTLING_TIME = 40.0  # times 1/bandwidth; after it the four lags keep less than 1e-13 of a command
+_MAX_CHANGES = 20_000  # so that the file of a scenario is not too large
 Speed = Annotated[float, Field(ge=1e-6, le=1e4)]
 Time = Annotated[float, Field(ge=0.0, le=MAX_DURATION)]
 Change = Annotated[tuple[Time, float, float, float], Field(strict=False)]
-Changes = Annotated[Many[Change], Field(max_length=MAX_RECORDED_CHANGES)]
+Changes = Annotated[Many[Change], Field(max_length=_MAX_CHANGES)]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 NameOrNumber = Annotated[Text[Name] | Other[Position], TEXT_OR_OTHER]  # of a column, or one for all rows
 Sign = Literal[1, -1]
-TO_START = "to-start"
 Offset = Annotated[Other[Point3] | Text[Literal["to-start"]], TEXT_OR_OTHER]
 
 
-class Driven(Settings):
+class Driven(SegmentBase):
     """A motion that was driven by hand in a live session: its commands, and the filter that smoothed them."""
+
+    MAX_CHANGES: ClassVar[int] = _MAX_CHANGES  # of wishes, and of goals
+    SETTLING_TIME: ClassVar[float] = 40.0  # times 1/bandwidth; then the four lags keep 1e-13 of a command
 
     kind: Literal["driven"]
     duration: Duration = Field(description="[s], to where the load was at rest again")
@@ -67,11 +69,11 @@ class Driven(Settings):
                 remedy="lengthen period",
             )
         last = max(self.changes, default=(0, (0.0,) * 4))
-        if any(last[1]) or last[0] * self.period + SETTLING_TIME / self.bandwidth > self.duration + 1e-9:
+        if any(last[1]) or last[0] * self.period + self.SETTLING_TIME / self.bandwidth > self.duration + 1e-9:
             raise RuleError(
                 f"the last wish or goal is from {last[0] * self.period:g} s on, of {self.duration:g} s",
                 allowed="the load must be released, by a wish of zeros, "
-                f"{SETTLING_TIME / self.bandwidth:.4g} s before the end",
+                f"{self.SETTLING_TIME / self.bandwidth:.4g} s before the end",
                 remedy="lengthen duration, or add such a wish",
             )
         whole = [round(time / self.period) for time, *_ in (*self.wishes, *self.goals)]
@@ -133,9 +135,17 @@ class Units(Settings):
     length: Literal["m", "cm", "mm"] | None = Field(None, description="of x, y, z")
     speed: Literal["m/s", "mm/s", "m/min"] | None = Field(None, description="of speeds")
 
+    @classmethod
+    def allowed(cls, quantity: str) -> list[str]:
+        """Return the units that a file can have for a quantity."""
+        units: list[str] = cls.model_json_schema()["properties"][quantity]["anyOf"][0]["enum"]
+        return units
 
-class FromFile(Settings):
+
+class FromFile(SegmentBase):
     """A motion of the load in a file: CSV, Parquet, or a log of cranectl."""
+
+    TO_START: ClassVar[str] = "to-start"  # a value of offset
 
     columns: Columns = Columns()
     units: Units = Field(Units(), description="needed unless the file has them itself, as logs do")

@@ -13,7 +13,11 @@ from pydantic import Field, model_validator
 
 from cranectl.scenario.effects import EffectNumbers, EffectSettings
 from cranectl.scenario.settings import LENGTH, MASS, TIME, Pair, Position, RuleError, Settings
+from cranectl.support import InputError
 
+OVERLOAD = 10.0  # largest load over rated load for which the rig's numbers are accepted
+PLAUSIBLE_MASSES = (0.02, 500.0)  # of bridge and trolley over the rated load; real cranes have 0.3 to 50
+MAX_STRAIN = 0.5  # of a rope under the weight of its load; steel has 0.002, nylon 0.1
 # Bounds far beyond any crane: within them nothing over- or underflows.
 Load = Annotated[float, Field(ge=1e-3, le=1e6), MASS]
 Mass = Annotated[float, Field(ge=1e-6, le=1e8), MASS]  # of parts, wide enough for any scaled crane
@@ -152,3 +156,53 @@ class RigParameters(Settings):
     def hanging_mass(self, effects: EffectSettings) -> float:
         """Return the mass of the load with the hook that `effects` may add [kg]."""
         return self.load_mass + (effects.body.hook_mass if effects.body else 0.0)
+
+    @property
+    def length_scale(self) -> float:
+        """Factor on lengths of Froude's similarity: longest rope over that of the laboratory rig."""
+        return self.rope_range[1] / RigParameters().rope_range[1]
+
+    @property
+    def design_scale(self) -> float:
+        """Factor on lengths for the scaling of designs; it is 1 for the laboratory rig's rated load."""
+        return 1.0 if self.rated_load == RigParameters().rated_load else self.length_scale
+
+    @property
+    def mass_warning(self) -> str:
+        """A sentence if bridge and trolley are too heavy or too light for the rated load; else ""."""
+        mass = self.bridge_mass + self.trolley_mass
+        low, high = PLAUSIBLE_MASSES
+        if low <= mass / self.rated_load <= high:
+            return ""
+        return (
+            f"rig.rated_load is {self.rated_load:g} kg, but bridge and trolley weigh {mass:g} kg: check that "
+            "all are in kg, since numbers of the rig that are not given are scaled to the rated load"
+        )
+
+    def check_size(self, effects: EffectSettings) -> None:
+        """Raise InputError if the rig or `effects` have numbers that belong to a crane of another size."""
+        if self.load_mass > OVERLOAD * self.rated_load:
+            raise InputError(
+                f"rig.load_mass = {self.load_mass:g} kg on a crane for rig.rated_load = "
+                f"{self.rated_load:g} kg",
+                allowed=f"loads up to {OVERLOAD:g} times the rated one, to which the rig's other numbers "
+                "belong",
+                remedy="set rig.rated_load; numbers of the rig that are not given are scaled to it",
+            )
+        weight = self.hanging_mass(effects) * self.gravity
+        hooked = self.hanging_mass(effects) > self.load_mass
+        what, verb = ("the load and hook", "weigh") if hooked else ("the load", "weighs")
+        if effects.limits and effects.limits.force[2] <= weight:
+            raise InputError(
+                f"effects.limits.force lets the winch pull {effects.limits.force[2]:g} N, but {what} {verb} "
+                f"{weight:g} N",
+                allowed=f"a winch that pulls more than {weight:g} N",
+                remedy="correct effects.limits.force, or give rig.rated_load, to which it is scaled",
+            )
+        if effects.rope and weight > MAX_STRAIN * effects.rope.stiffness:
+            raise InputError(
+                f"effects.rope.stiffness = {effects.rope.stiffness:g} N, a rope that stretches by "
+                f"{weight / effects.rope.stiffness:.0%} under {what}'s {weight:g} N",
+                allowed=f"E A above {weight / MAX_STRAIN:g} N",
+                remedy="correct effects.rope.stiffness, or give rig.rated_load, to which it is scaled",
+            )

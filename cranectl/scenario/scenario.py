@@ -1,36 +1,40 @@
 """Scenario files: what is run. Their form is checked here, their meaning where all parts are known."""
 
 import math
-from typing import Annotated, Any, Literal
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, ConfigDict, Field, model_serializer, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
-from cranectl.scenario.effects import NO_EFFECTS, NO_LIMIT, DriveLimits, EffectSettings, Wind
+from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings
+from cranectl.scenario.held_files import files_of, with_files
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.segments import Segment, is_planned, seconds
-from cranectl.scenario.settings import (
-    LENGTH,
-    MAX_MEASURED,
-    MIN_DURATION,
-    Duration,
-    Many,
-    Point3,
-    RuleError,
-    Settings,
+from cranectl.scenario.run_settings import (
+    MAX_DEFAULT_STEP,
+    MIN_DEFAULT_STEP,
+    ControllerSettings,
+    ControlSettings,
+    InitialSettings,
+    LimitSettings,
+    LogSettings,
+    MetricSettings,
+    WorkspaceSettings,
+    controller_table,
+    longest_step,
 )
-from cranectl.support import exact_seconds
+from cranectl.scenario.segments import Segment
+from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
+from cranectl.scenario.similarity import assumed_settings
+from cranectl.support import differences, exact_seconds, leaves
 
-STILL = Wind(gust=0.0, drag_area=0.0)
-MAX_DIVISOR = 1_000_000  # divisors of a period that are tried
-# [s]; physics steps that are chosen by default. Shorter ones would cost more than they gain.
-MIN_DEFAULT_STEP, MAX_DEFAULT_STEP = 1e-5, 1e-3
-STEP_ROUNDING = 1e-9  # of a step that just fits
-Angle = Annotated[float, Field(gt=-1.5, lt=1.5)]
+OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
+# The rig's numbers of effects are not reported either: the effects of the run have them.
+NOT_REPORTED: dict[str, Any] = {**dict.fromkeys(OWN, True), "rig": {"effects"}}
 
 
 class ReferenceSettings(Settings):
@@ -47,94 +51,14 @@ class ReferenceSettings(Settings):
     @property
     def planned(self) -> bool:
         """Whether the timing of all segments is known; if not, `cranectl.reference` plans it."""
-        return all(map(is_planned, self.segments))
-
-
-class InitialSettings(Settings):
-    """Offsets of the initial state from the reference; the crane moves with the reference otherwise."""
-
-    load_offset: Point3 = Field((0.0, 0.0, 0.0), description="of the load (x, y, z) [m]")
-    alpha_offset: Angle = Field(0.0, description="of alpha, under the offset trolley [rad]")
-    beta_offset: Angle = Field(0.0, description="of beta, under the offset trolley [rad]")
-
-
-class ControlSettings(Settings):
-    """Sampling of the control loop."""
-
-    period: Duration = Field(0.001, description="control period, input held [s]")
-    physics_step: Duration | None = Field(
-        None,
-        description="step of all plants [s]; divides the period; by default chosen so that the plants agree",
-    )
-    lag_compensation: bool = Field(
-        True, description="add u·tau to the set-points of velocity drives, to cancel their lag"
-    )
-
-
-class ControllerSettings(Settings):
-    """The default controller, and a table of parameters for each controller, by name."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, dict[str, float | str]] = Field(init=False)
-
-    name: str = Field("pole-placement", description="the controller run by default")
-
-    @property
-    def parameters(self) -> dict[str, dict[str, float | str]]:
-        """Parameters by controller; those that are absent have their defaults."""
-        return self.__pydantic_extra__
-
-    @model_serializer
-    def _as_short_as_written(self) -> dict[str, Any] | str:
-        return {"name": self.name, **self.parameters} if self.parameters else self.name
-
-
-def controller_table(value: object) -> object:
-    """Return `controller = "lqr"` as a table with a name."""
-    return {"name": value} if isinstance(value, str) else value
-
-
-class WorkspaceSettings(Settings):
-    """What a run does if bridge, trolley or rope leave their range."""
-
-    on_exit: Literal["stop", "record"] = Field(
-        "stop", description="stop: end the run there; record: run on and report the violation"
-    )
-
-
-class LogSettings(Settings):
-    """The samples that a log has."""
-
-    every: Annotated[int, Field(ge=1, le=1_000_000_000)] = Field(
-        4, description="log every n-th control sample"
-    )
-
-
-class MetricSettings(Settings):
-    """Settings of the metrics of a run."""
-
-    settling_tolerance: Annotated[float, Field(gt=0.0, le=1e3), LENGTH] = Field(
-        0.005, description="error of the load below which it counts as settled [m]; a laboratory crane's"
-    )
-
-
-Bound = Annotated[float, Field(ge=0.0)]
-
-
-class LimitSettings(Settings):
-    """Limits on the metrics of runs, named as in `[limits]` of a campaign, or in tables for single plants."""
-
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, Bound | dict[str, Bound]] = Field(init=False)
-
-    @property
-    def stated(self) -> dict[str, Bound | dict[str, Bound]]:
-        """The limits as written in the scenario; `metrics.limits` checks their names."""
-        return self.__pydantic_extra__
+        return all(segment.is_planned for segment in self.segments)
 
 
 class Scenario(Settings):
     """A run: reference, disturbances, rig and settings."""
+
+    MIN_PERIOD: ClassVar[float] = MIN_DURATION  # [s] of the control loop
+    MAX_SECONDS: ClassVar[float] = MAX_DURATION  # of a run
 
     name: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9-]*$")] = Field(
         description="lower case letters, digits and hyphens"
@@ -171,7 +95,7 @@ class Scenario(Settings):
                 remedy=f"set control.period to {round(period, 9)!r}",
             )
         if step is None:
-            step = default_step(period, MIN_DEFAULT_STEP)  # the shortest; the crane's may be longer
+            step = self.control.default_step(MIN_DEFAULT_STEP)  # the shortest; the crane's may be longer
         if step < MIN_DURATION:
             raise RuleError(
                 f"control.period = {period} s has no physics step in whole nanoseconds",
@@ -204,7 +128,7 @@ class Scenario(Settings):
                 )
         if self.effects.delay:
             _check_multiple("effects.delay.seconds", self.effects.delay.seconds, period)
-        length = sum(seconds(segment) for segment in self.reference.segments if is_planned(segment))
+        length = sum(segment.seconds for segment in self.reference.segments if segment.is_planned)
         if length > self.duration * (1.0 + 1e-12):
             raise RuleError(
                 f"the segments last {length} s, longer than duration {self.duration} s",
@@ -222,8 +146,17 @@ class Scenario(Settings):
         """
         of_rig = self.rig.effects.limits
         stated = self.effects.limits or of_rig
-        unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= NO_LIMIT]
+        unlimited = [name for name in DriveLimits.set_points if min(getattr(stated, name)) >= stated.NO_LIMIT]
         return stated.model_copy(update={name: getattr(of_rig, name) for name in unlimited})
+
+    @property
+    def assumed_settings(self) -> set[str]:
+        """The dotted names of the numbers of crane and effects that are scaled from the laboratory rig.
+
+        They are found by their values, since a log does not have what was stated. So only lists and numbers
+        that scale count: to three digits, what is stated hardly equals them by chance.
+        """
+        return assumed_settings(self.rig, self.effects)
 
     @property
     def drive_limits_key(self) -> str:
@@ -241,9 +174,7 @@ class Scenario(Settings):
     @property
     def effects_on_plant(self) -> EffectSettings:
         """The effects for which a plant is made; forces on the load need the effect `wind`, in still air."""
-        if not self.forced or self.effects.wind:
-            return self.effects
-        return self.effects.model_copy(update={"wind": STILL})
+        return self.effects.in_air if self.forced else self.effects
 
     @property
     def reach(self) -> NDArray[np.float64]:
@@ -275,6 +206,39 @@ class Scenario(Settings):
         return round(delay.seconds * NANOSECONDS / self.period_ns) if delay else 0
 
     @property
+    def changed_from_default(self) -> dict[str, Any]:
+        """Settings that differ from their defaults, by dotted name, without keys of every scenario."""
+        usual_step = ControlSettings(physics_step=self.control.physics_step and MAX_DEFAULT_STEP)
+        start = ReferenceSettings(start=(0.0, 0.0, 0.0))
+        default = Scenario(name="default", duration=1.0, reference=start, control=usual_step)
+        usual, requested = (
+            settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, self)
+        )
+        changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
+        return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
+
+    def idle_effects(self, stated: Iterable[str]) -> tuple[str, ...]:
+        """Return the effects that the scenario lacks although `stated` sets numbers of the rig for them."""
+        named = {name.split(".")[2] for name in stated if name.startswith("rig.effects.")}
+        return tuple(name for name, effect in self.effects if name in named and effect is None)
+
+    @property
+    def held_files(self) -> dict[str, bytes]:
+        """The contents of the files that a log of the scenario attaches, by unique names."""
+        return files_of(self.reference.segments)
+
+    def with_files(self, files: Mapping[str, bytes]) -> Self:
+        """Return the scenario, which was read from a table, with the `held_files` that it had.
+
+        Raises InputError for claims that are not JSON.
+        """
+        if not files:
+            return self
+        segments = with_files(self.reference.segments, files)
+        reference = self.reference.model_copy(update={"segments": segments})
+        return self.model_copy(update={"reference": reference})
+
+    @property
     def steps(self) -> int:
         """Number of control periods in the run; it has one sample more than that."""
         return nanoseconds(self.duration) // self.period_ns
@@ -283,20 +247,9 @@ class Scenario(Settings):
 class MeasuredScenario(Scenario):
     """What is known of a measured run and its predictions, which may last longer than other runs."""
 
-    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_MEASURED)] = Field(description="[s]")
+    MAX_SECONDS: ClassVar[float] = 7200.0
 
-
-def longest_step(period: float, longest: float) -> float:
-    """Return the longest step [s] up to `longest` that divides `period`, in whole nanoseconds."""
-    whole = nanoseconds(period)
-    parts = range(math.ceil(whole / (longest * NANOSECONDS)), whole + 1)
-    return whole // next((n for n in parts[:MAX_DIVISOR] if whole % n == 0), whole) / NANOSECONDS
-
-
-def default_step(period: float, longest: float) -> float:
-    """Return the physics step [s] of a run by default, if the plants agree with steps up to `longest`."""
-    allowed = min(max(longest, MIN_DEFAULT_STEP), MAX_DEFAULT_STEP)
-    return longest_step(period, allowed * (1.0 + STEP_ROUNDING))
+    duration: Annotated[float, Field(ge=MIN_DURATION, le=MAX_SECONDS)] = Field(description="[s]")
 
 
 def _shorter_step(period: float, longest: float, what: str) -> str:

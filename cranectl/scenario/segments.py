@@ -7,7 +7,7 @@ import functools
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     ConfigDict,
@@ -22,34 +22,28 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from cranectl.scenario.along_path import (
-    MAX_COEFFICIENTS,
-    MINIMUM_TIME,
     TIME_LAW,
-    AlongPath,
     Arc,
     BlendedPath,
     Line,
-    Plannable,
-    SplineLaw,
     TimeLaw,
 )
 from cranectl.scenario.recorded import Driven, FitNumbers, FromFile, Source
+from cranectl.scenario.segment_base import MAX_COEFFICIENTS, MINIMUM_TIME, SegmentBase
 from cranectl.scenario.settings import MAX_DURATION, Duration, Many, Point3, RuleError, Settings
-from cranectl.support import Extensions
+from cranectl.support import Array, Extensions
 
-MAX_SPLINE_POINTS = 2000  # way points of a spline through all of them
-MAX_SPANS = 1000  # of a spline that is fitted to samples
 OF_FILE = ("columns", "units", "topic", "signs")  # settings that only a file with way points needs
 
 
-class Hold(Settings):
+class Hold(SegmentBase):
     """A rest at the end of the last segment."""
 
     kind: Literal["hold"]
     duration: Duration = Field(description="[s]")
 
 
-class Move(Settings):
+class Move(SegmentBase):
     """A motion to a point in minimum time, on any path that `[planning]` and `[[obstacles]]` allow."""
 
     kind: Literal["move"]
@@ -62,6 +56,11 @@ class Move(Settings):
     duration: Literal["shortest"] | None = Field(
         None, description="shortest: straight, with a stop at each point of via, by the time law of degree 9"
     )
+
+    @property
+    def is_in_minimum_time(self) -> bool:
+        """Whether a plan in minimum time decides the timing of the segment."""
+        return self.duration is None
 
     @model_validator(mode="after")
     def _check_shortest(self) -> "Move":
@@ -85,9 +84,11 @@ class WayPoints(FromFile):
     In minimum time, the motion is planned along a spline of degree 7 that need not rest at its ends.
     """
 
+    MAX_POINTS: ClassVar[int] = 2000  # of a spline through all of them
+
     kind: Literal["waypoints"]
     file: str | None = Field(None, description="with the points, by its path from the scenario's file")
-    points: Annotated[Many[Point3], Field(min_length=2, max_length=MAX_SPLINE_POINTS)] | None = Field(
+    points: Annotated[Many[Point3], Field(min_length=2, max_length=MAX_POINTS)] | None = Field(
         None, description="or the points themselves (x, y, z) [m]"
     )
     times: Many[Annotated[float, Field(ge=-1e9, le=1e9)]] | None = Field(
@@ -134,6 +135,8 @@ class WayPoints(FromFile):
 class Samples(FromFile):
     """A recorded motion: a spline of degree 7 is fitted to its samples, at rest at both ends."""
 
+    MAX_SPANS: ClassVar[int] = 1000
+
     kind: Literal["samples"]
     file: str = Field(description="with the samples, by its path from the scenario's file")
     spans: Annotated[int, Field(ge=4, le=MAX_SPANS)] | None = Field(
@@ -141,11 +144,13 @@ class Samples(FromFile):
     )
 
 
-class Spline(Plannable):
+class Spline(SegmentBase):
     """A planned motion: a B-spline over time with simple knots, at rest at both ends.
 
     With a time law it is a path instead, of degree 7 or more, on which the load rests nowhere.
     """
+
+    DURATION_KEY: ClassVar[str] = "lasts"
 
     kind: Literal["spline"]
     degree: Literal[5, 7, 9]
@@ -236,7 +241,7 @@ def added_kinds() -> dict[str, SegmentKind]:
     return Extensions.SEGMENTS.join({}, SegmentKind, taken=OWN)
 
 
-class AddedSegment(Settings):
+class AddedSegment(SegmentBase):
     """A segment of a kind that another package brings, checked by its own settings."""
 
     model_config = ConfigDict(extra="allow")
@@ -261,6 +266,15 @@ class AddedSegment(Settings):
             problem, remedy = f"a segment of kind '{self.kind}': {wrong}", "see the package's documentation"
             raise RuleError(problem, allowed="settings that its package allows", remedy=remedy) from None
         return self
+
+    @staticmethod
+    def kinds() -> list[str]:
+        """Return the names of the kinds of segments that other packages bring."""
+        return list(added_kinds())
+
+    def path(self, start: Array) -> Any:
+        """Return the `cranectl.reference.Path` of the segment from `start` (3,) [m]."""
+        return added_kinds()[self.kind].path(self.settings, start)
 
     @property
     def settings(self) -> Settings:
@@ -288,21 +302,6 @@ Segment = Annotated[
 ]
 
 
-def is_planned(segment: Segment) -> bool:
-    """Return True if the timing of a segment is known."""
-    return (
-        isinstance(getattr(segment, "duration", None), float)
-        and getattr(segment, "time_law", "") != MINIMUM_TIME
-    )
-
-
-def seconds(segment: Segment) -> float:
-    """Return the duration of a planned segment [s]."""
-    assert is_planned(segment), f"a segment of kind '{segment.kind}' that is not planned"
-    length: float = segment.duration  # type: ignore[union-attr, assignment]
-    return length
-
-
 def before_planning(segment: Segment) -> list[dict[str, Any]]:
     """Return the tables, without defaults, that a scenario had before the segment was planned."""
     if isinstance(segment, BlendedPath):
@@ -310,7 +309,7 @@ def before_planning(segment: Segment) -> list[dict[str, Any]]:
     if isinstance(segment, Spline) and segment.made_from:
         return [segment.made_from]
     table = segment.model_dump(mode="json", exclude_defaults=True)
-    if isinstance(segment, AlongPath | Spline) and isinstance(segment.time_law, SplineLaw):
-        del table["lasts" if isinstance(segment, Spline) else "duration"]
+    if segment.planned_law is not None:
+        del table[segment.DURATION_KEY]
         table["time_law"] = MINIMUM_TIME
     return [table]

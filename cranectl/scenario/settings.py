@@ -1,11 +1,12 @@
 """Strict settings: parse TOML tables into frozen pydantic models, and report all mistakes at once."""
 
+import functools
 import json
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
@@ -13,10 +14,69 @@ from pydantic_core import ErrorDetails
 from cranectl.support import MAX_DEPTH, InputError, Table, assign, did_you_mean, mapped, printable, toml_value
 
 
+@dataclass(frozen=True)
+class Scaled:
+    """How a number scales with the size of a crane: powers of its length and of its mass.
+
+    It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
+    """
+
+    length: float = 0.0
+    mass: float = 0.0
+
+    def factor(self, length: float, mass: float = 1.0) -> float:
+        """Return the factor on the number if lengths and masses have these factors."""
+        factor: float = length**self.length * mass**self.mass
+        return factor
+
+    def sized(self, value: float, length: float, mass: float = 1.0) -> float:
+        """Return the laboratory rig's number `value` on another crane, to three digits if it differs."""
+        factor = self.factor(length, mass)
+        return value if factor == 1.0 else float(f"{factor * value:.3g}")
+
+
 class Settings(BaseModel):
     """Base of all settings: no unknown keys, no silent conversions, no NaN or infinity, frozen."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def from_table(
+        cls,
+        table: Mapping[str, Any],
+        source: str,
+        *,
+        overrides: Sequence[str] = (),
+        before: Mapping[str, Any] | None = None,
+        prefix: str = "",
+    ) -> Self:
+        """Return `table` as settings; an InputError names every wrong field of `source`.
+
+        If `overrides` have changed the table, its remedies can be typed. They need the table `before` them,
+        and the `prefix` of the keys of the settings within that table.
+        """
+        try:
+            return cls.model_validate(dict(table))
+        except ValidationError as error:
+            assigned = _Assigned(overrides, table if before is None else before, prefix)
+            problems = [_explain(cls, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
+            more = error.error_count() - len(problems)
+        texts = "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else "")
+        raise InputError(
+            f"{source}: {texts}",
+            allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
+            remedy="; ".join(dict.fromkeys(remedy for _, _, remedy in problems if remedy))
+            or "correct the fields above",
+        ) from None
+
+    @classmethod
+    def scale_of(cls, name: str) -> Scaled:
+        """Return how a number scales with the size of a crane, by its dotted name.
+
+        Ratios, angles, seeds, electronics, gravity and air have no scale.
+        """
+        scales = _scales_of(cls)
+        return scales.get(name) or scales.get(name.rpartition(".")[0], Scaled())
 
 
 T = TypeVar("T")
@@ -31,42 +91,30 @@ TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " 
 MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
 MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
 Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
-MAX_MEASURED = 7200.0  # [s] of measured runs
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
 Point3 = Triple[Position]
-
-
-@dataclass(frozen=True)
-class Scaled:
-    """How a number scales with the size of a crane: powers of its length and of its mass.
-
-    It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
-    """
-
-    length: float = 0.0
-    mass: float = 0.0
-
 
 LENGTH, MASS, TIME, SPEED, RATE = Scaled(1.0), Scaled(0.0, 1.0), Scaled(0.5), Scaled(0.5), Scaled(-0.5)
 FORCE = MASS  # since gravity stays
 
 
-def scales_of(model: type[BaseModel], prefix: str = "") -> dict[str, Scaled]:
+@functools.cache
+def _scales_of(model: type[BaseModel]) -> dict[str, Scaled]:
     """Return how the numbers of `model` scale, by dotted name; constant ones are left out."""
     result: dict[str, Scaled] = {}
     for name, field in model.model_fields.items():
-        key = f"{prefix}{name}"
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            result |= scales_of(field.annotation, f"{key}.")
+            nested = _scales_of(field.annotation)
+            result |= {f"{name}.{key}": scale for key, scale in nested.items()}
         scales = [item for item in field.metadata if isinstance(item, Scaled)]
-        names = [key] if len(scales) == 1 else [f"{key}.{k}" for k in range(len(scales))]
+        names = [name] if len(scales) == 1 else [f"{name}.{k}" for k in range(len(scales))]
         result |= dict(zip(names, scales, strict=True))
     return result
 
 
 class RuleError(ValueError):
-    """A rule across several fields is violated; `parse_settings` turns it into an InputError."""
+    """A rule across several fields is violated; `Settings.from_table` turns it into an InputError."""
 
     def __init__(self, found: str, *, allowed: str, remedy: str) -> None:
         """Store the three parts of an InputError."""
@@ -78,32 +126,13 @@ MAX_PROBLEMS = 10  # in one message
 _LIST_ERRORS = ("tuple_type", "too_long", "too_short")  # of pydantic
 _COMPLEX = re.compile(r"(?<=[\[, ])[-+.\de]+[ij](?=[\], ])")  # a complex number in a list
 
-S = TypeVar("S", bound=Settings)
 
-
-class Assigned(NamedTuple):
+class _Assigned(NamedTuple):
     """What `--set` assigned to a table, for remedies that can be typed."""
 
     assignments: Sequence[str]
     before: Mapping[str, Any]  # the table before them
     prefix: str = ""  # of the keys of the settings that are parsed, within that table
-
-
-def parse_settings(
-    model: type[S], table: Mapping[str, Any], source: str, assigned: Assigned | None = None
-) -> S:
-    """Return `table` as settings of class `model`; an InputError names every wrong field of `source`."""
-    try:
-        return model.model_validate(dict(table))
-    except ValidationError as error:
-        problems = [_explain(model, details, assigned) for details in error.errors()[:MAX_PROBLEMS]]
-        more = error.error_count() - len(problems)
-    raise InputError(
-        f"{source}: " + "; ".join(found for found, _, _ in problems) + (f"; and {more} more" if more else ""),
-        allowed="; ".join(dict.fromkeys(allowed for _, allowed, _ in problems if allowed)),
-        remedy="; ".join(dict.fromkeys(remedy for _, _, remedy in problems if remedy))
-        or "correct the fields above",
-    ) from None
 
 
 def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
@@ -129,12 +158,10 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
     return result
 
 
-def _explain(
-    model: type[BaseModel], details: ErrorDetails, assigned: Assigned | None
-) -> tuple[str, str, str]:
+def _explain(model: type[BaseModel], details: ErrorDetails, assigned: _Assigned) -> tuple[str, str, str]:
     """Return (found, allowed, remedy) for one pydantic error."""
     location, value = details["loc"], details["input"]
-    command = _list_command(model, details, assigned) if assigned else ""
+    command = _list_command(model, details, assigned)
     such = f", such as {command}" if command else ""
     where = ".".join(str(part) for part in _without_tags(model, location))
     if details["type"] == "extra_forbidden":
@@ -167,7 +194,7 @@ def _explain(
     )
 
 
-def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: Assigned) -> str:
+def _list_command(model: type[BaseModel], details: ErrorDetails, assigned: _Assigned) -> str:
     """Return the option that assigns the list from before a wrong assignment, or else its default."""
     location = _without_tags(model, details["loc"])
     is_of_item = bool(location) and isinstance(location[-1], int)

@@ -14,7 +14,7 @@ import numpy as np
 from cranectl.controllers import controller_design, controller_of, prepared
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, OWN_PLANT, PLANTS, Drive, plant_entry
-from cranectl.scenario import EFFECTS, MINIMUM_TIME, SHORTEST, Move, Scenario, is_planned
+from cranectl.scenario import EFFECTS, Scenario
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
 from cranectl.support import InputError, leaves, matching
@@ -168,16 +168,11 @@ def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign)
 def _why_idle_in_plan(name: str, requested: Scenario) -> str | None:
     if name == "planning.solver":
         return "one solver plans all motions"
-    unplanned = [segment for segment in requested.reference.segments if not is_planned(segment)]
-    solved = [
-        segment
-        for segment in unplanned
-        if getattr(segment, "time_law", None) == MINIMUM_TIME
-        or (isinstance(segment, Move) and segment.duration is None)
-    ]
-    if not solved and not any(getattr(segment, "duration", None) == SHORTEST for segment in unplanned):
+    segments = requested.reference.segments
+    if not any(segment.is_timed_by_limits for segment in segments):
         return "no segment of the reference is planned"
-    if name == "planning.refinement" and not solved:
+    is_solved = any(segment.is_in_minimum_time for segment in segments)
+    if name == "planning.refinement" and not is_solved:
         return "it acts on motions in minimum time only, and the reference has none"
     if name == "planning.clearance" and requested.planning.load_box is not None:
         return "planning.load_box says where the load may be"

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 
 from cranectl.design import ControllerDesign
 from cranectl.plants import Drive
-from cranectl.scenario import MAX_DIVISOR, NANOSECONDS, Scenario, drawn_trail, nanoseconds
+from cranectl.scenario import NANOSECONDS, Drawing, Scenario, nanoseconds
 from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
@@ -62,7 +62,7 @@ def check_runs(
         copied = (plants + 2) * len(REFERENCE) + 3 * (plants - 1) * DIFFERENCE
         if scenario.steps % every:  # the last sample is logged too
             copied += columns * plants
-        drawn = DRAWN + TRAIL / drawn_trail(scenario.rig)
+        drawn = DRAWN + TRAIL / Drawing(scenario.rig).trail
         written = copied * (samples // every + 2) * NUMBER + drawn * plants * scenario.duration
     many = "a run" if plants == 1 else f"the runs of {plants} plants"
     check_held(scenario, needed + max(last, written), many, fewer_plants=plants > 1)
@@ -108,7 +108,9 @@ def _longer_period(scenario: Scenario, times: int) -> float:
     delay = scenario.effects.delay.seconds if scenario.effects.delay else 0.0
     common = math.gcd(*(nanoseconds(time or 0.0) for time in (scenario.duration, delay, *ends)))
     periods = common // scenario.period_ns
-    fitting = (n for n in range(times, min(periods, times + MAX_DIVISOR) + 1) if periods % n == 0)
+    fitting = (
+        n for n in range(times, min(periods, times + scenario.control.MAX_DIVISOR) + 1) if periods % n == 0
+    )
     return next(fitting, times) * scenario.period_ns / NANOSECONDS
 
 

@@ -251,8 +251,8 @@ def begin(
             low, high = scenario.reach.T
             margin = DRAWN_MARGIN * (high - low)
             state[:5:2] = draw.uniform(low + margin, high - margin)
-        if wind := scenario.effects.wind:
-            air = air_velocity(wind, len(plan.wind), scenario.period_ns / NANOSECONDS)
+        if scenario.effects.wind:
+            air = air_velocity(scenario.effects, len(plan.wind), scenario.period_ns / NANOSECONDS)
             plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
     if state is not None:
         start = checked_numbers("state", state, len(STATE))

@@ -68,7 +68,7 @@ def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
     """
     time_ns = planned.time_ns
     disturbances = disturbances_at(scenario, time_ns)
-    air = air_velocity(scenario.effects.wind, len(time_ns), scenario.period_ns / NANOSECONDS)
+    air = air_velocity(scenario.effects, len(time_ns), scenario.period_ns / NANOSECONDS)
     return Plan(
         **vars(planned),
         initial_state=_initial_state(scenario, planned),

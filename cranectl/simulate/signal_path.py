@@ -23,7 +23,7 @@ from cranectl.controllers import (
     predict,
 )
 from cranectl.plants import DRIVES, FORCE, Drive
-from cranectl.scenario import NANOSECONDS, DriveLimits, EffectSettings, Installation, Scenario, Sensing
+from cranectl.scenario import NANOSECONDS, DriveLimits, EffectNumbers, EffectSettings, Scenario, Sensing
 from cranectl.signals import COLUMN, PATH
 from cranectl.simulate.actuation import commands_at_start, drive_acceleration
 from cranectl.support import Array, jit
@@ -155,7 +155,8 @@ def new_signal_path(
     """Return a signal path, also one in which nothing changes; arguments are those of `make_signal_path`."""
     effects = scenario.effects
     period = scenario.period_ns / NANOSECONDS
-    sensing, setting = effects.sensing or Sensing(), effects.installation or Installation()
+    usual = EffectNumbers()
+    sensing, setting = effects.sensing or usual.sensing, effects.installation or usual.installation
     bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
     kind, first = DRIVES[drive], commands_at_start(nominal, start, drive)
     return SignalPath(

@@ -239,7 +239,7 @@ def _draw_time_laws() -> Drawing:
 
 def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
     """Yield 5.7 and 5.8: the loops that loop shaping makes of both feedbacks."""
-    settings = load_scenario("fixed-position").design.loop_shaping
+    settings = load_scenario("fixed-position").design
     for number, (feedback, name) in zip(("5.7", "5.8"), FEEDBACK.items(), strict=True):
         design = reproduction.designs[f"{feedback}+loop-shaping"]
         margins = design.margins

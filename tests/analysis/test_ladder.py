@@ -17,11 +17,12 @@ from cranectl.log.overlay import read_layers
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import ALL_EFFECTS, NO_LIMIT
-from cranectl.scenario.settings import parse_settings
+from cranectl.scenario.effects import EFFECTS, DriveLimits, EffectNumbers
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.plants.own_models import MODELS, UNDISTURBED, crane_with, servos, write_hall
+
+ALL_EFFECTS = EffectNumbers().only(*EFFECTS)
 
 
 def test_there_is_a_level_for_every_effect_and_in_the_same_order() -> None:
@@ -52,7 +53,7 @@ def test_the_step_that_is_named_does_for_all_levels(short: Scenario) -> None:
     """Not only for the first level for which they are too long."""
     effects = {"frame": {"frequency": [400.0, 9.0]}, "rope": {"stiffness": 3e8}}
     table = short.model_dump(mode="json", exclude_none=True) | {"effects": effects}
-    scenario = parse_settings(Scenario, table, "stiff")
+    scenario = Scenario.from_table(table, "stiff")
     steps = []
     for name in effects:
         with pytest.raises(StepError) as caught:
@@ -62,7 +63,7 @@ def test_the_step_that_is_named_does_for_all_levels(short: Scenario) -> None:
         list(evaluate_levels(scenario, "lqr"))
     assert 0.5 * min(steps) <= caught.value.step <= min(steps) < max(steps)
     table["control"] = {"physics_step": caught.value.step}
-    finer = parse_settings(Scenario, table, "finer")
+    finer = Scenario.from_table(table, "finer")
     check_steps(
         finer, [with_effects(finer, EFFECT_LEVELS), *(with_effects(finer, [name]) for name in effects)]
     )
@@ -81,7 +82,7 @@ def test_the_scenario_s_own_settings_are_taken(short: Scenario) -> None:
 )
 def test_an_assumed_delay_is_whole_periods(short: Scenario, period: float, delay: float) -> None:
     table = short.model_dump(mode="json") | {"control": {"period": period, "physics_step": 0.0005}}
-    chosen = with_effects(parse_settings(Scenario, table, "short"), ["delay"])
+    chosen = with_effects(Scenario.from_table(table, "short"), ["delay"])
     assert chosen.effects.delay is not None
     assert chosen.effects.delay.seconds == delay
 
@@ -155,7 +156,7 @@ def test_the_model_file_of_a_rig_is_the_last_level(
     assert model["cumulative"]["max"] > 1e-4, "it has no friction"
     layers = read_layers("a.mcap")
     assert layers["model"].run.scenario.effects.names == ("limits", "sensing", "delay", "wind")
-    assert layers["model"].run.scenario.effects.limits.force == (NO_LIMIT,) * 3
+    assert layers["model"].run.scenario.effects.limits.force == (DriveLimits.NO_LIMIT,) * 3
     assert [*layers][-2:] == [frame["level"], "model"]
     assert ">model<" in Path("a.html").read_text()
 

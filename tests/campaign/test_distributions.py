@@ -7,14 +7,13 @@ import pytest
 from scipy import stats
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, Distribution
-from cranectl.scenario.settings import parse_settings
 
 U = np.concatenate([[1e-12, 1e-6], np.linspace(0.001, 0.999, 997), [1 - 1e-6, 1 - 1e-12]])
 NOMINAL = 2.0
 
 
 def make(kind: str, **numbers: Any) -> Distribution:
-    return parse_settings(DISTRIBUTIONS[kind], {"distribution": kind, **numbers}, "test")
+    return DISTRIBUTIONS[kind].from_table({"distribution": kind, **numbers}, "test")
 
 
 def truncated(mean: float, deviation: float, low: float, high: float) -> Any:

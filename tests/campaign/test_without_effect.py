@@ -11,7 +11,7 @@ from cranectl.campaign.definition import PERIOD, PHYSICAL, Batch, numbers_of
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import ALL_EFFECTS
+from cranectl.scenario.effects import EffectNumbers
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, fixed, run_batch, uniform
 from tests.conftest import PLANTS
@@ -47,7 +47,7 @@ OTHER = {
 def overrides_of(plant: str, drive: str) -> list[str]:
     """Return settings with all effects that the plant and its drives can show."""
     able = plant != "analytic"
-    effects = [name for name in type(ALL_EFFECTS).model_fields if able or name not in OF_OTHERS]
+    effects = [name for name in EffectNumbers.model_fields if able or name not in OF_OTHERS]
     if drive == "ideal":
         effects.remove("limits")
     forces = FORCES if plant != "analytic" and drive != "ideal" else NO_FORCES

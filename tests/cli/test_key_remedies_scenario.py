@@ -55,13 +55,15 @@ CASES = {
              ["--rig=large.toml", "reference.start=[5.0, 5.0, -9.0]"]),
         Case("remove 'extends' from one of the files", "--rig=loop.toml", "--rig=own.toml"),
     ],
-    "scenario/similarity.py": [
+    "scenario/rig.py": [
         Case("set rig.rated_load; numbers of the rig that are not given are scaled to it",
              "rig.load_mass=50.0", ["rig.load_mass=50.0", "rig.rated_load=50.0"]),
         Case("correct effects.limits.force, or give rig.rated_load, to which it is scaled", HEAVY,
              [*HEAVY, "effects.limits.force=[500.0, 500.0, 500.0]"], [*HEAVY, "rig.rated_load=9.0"]),
         Case("correct effects.rope.stiffness, or give rig.rated_load, to which it is scaled", ROPE,
              [*ROPE, "effects.rope.stiffness=1e5"], [*ROPE[:-1], "rig.rated_load=9.0"]),
+    ],
+    "scenario/similarity.py": [
         Case("correct rig.rope_range, or its unit: it is in metres",
              ["rig.rated_load=2.0", "rig.rope_range=[100.0, 1400.0]"],
              ["rig.rated_load=2.0", "rig.rope_range=[0.1, 1.4]"]),

@@ -18,7 +18,6 @@ from cranectl.compare.golden import (
 )
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
@@ -42,7 +41,7 @@ def shifted(run: Run, column: int, amount: float, row: int = 50) -> Run:
 def tolerances(*limits: Sequence[Any], end_s: float = 0.0) -> Tolerances:
     """Return tolerances from tuples (pattern, absolute, relative), where relative is optional."""
     tables = [dict(zip(("signals", "absolute", "relative"), limit, strict=False)) for limit in limits]
-    return parse_settings(Tolerances, {"end_s": end_s, "limits": tables}, "limits.toml")
+    return Tolerances.from_table({"end_s": end_s, "limits": tables}, "limits.toml")
 
 
 EXACT = tolerances(("*", 0.0))

@@ -7,7 +7,6 @@ import pytest
 
 from cranectl.design import CONTROLLERS, Design, Robustifier, design_controller
 from cranectl.scenario import DesignSettings
-from cranectl.scenario.settings import parse_settings
 from cranectl.support.consistency import InconsistentError
 from tests.loops import chain_loop, check_margins
 
@@ -25,9 +24,9 @@ def test_gains_of_the_thesis_data(name: str, gain: list[float]) -> None:
 def test_pole_placement_achieves_conjugate_pairs() -> None:
     """The polynomial is (s² + 6 s + 10)(s + 4)²; other spellings of its poles give the same settings."""
     table = {"poles": ["-3.0+1j", -4, "-3-1j", "-4"]}
-    settings = parse_settings(DesignSettings, table, "design")
+    settings = DesignSettings.from_table(table, "design")
     assert settings.poles == ("-3+1j", -4.0, "-3-1j", -4.0)
-    assert parse_settings(DesignSettings, settings.model_dump(mode="json"), "again") == settings
+    assert DesignSettings.from_table(settings.model_dump(mode="json"), "again") == settings
     design = design_controller("pole-placement", settings)
     assert design.gain == pytest.approx([160.0, 176.0, 74.0, 14.0])
     parts = [*design.closed_loop_poles.real, *np.abs(design.closed_loop_poles.imag)]

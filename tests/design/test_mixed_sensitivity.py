@@ -7,7 +7,7 @@ import pytest
 from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.mixed_sensitivity import generalised_plant, hinf_robustifier
-from cranectl.scenario.design import HinfSettings
+from cranectl.scenario.design import DesignSettings, HinfSettings
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
@@ -19,9 +19,13 @@ def lag(gain: float, pole: float) -> control.StateSpace:
     return control.ss([[-pole]], [[1.0]], [[gain * pole]], [[0.1]])
 
 
+def with_hinf(**numbers: float) -> DesignSettings:
+    return DesignSettings(hinf=HinfSettings(**numbers))
+
+
 def test_the_optimal_controller_has_a_stiff_pole_and_backing_off_tames_it() -> None:
     stiffest = [
-        hinf_robustifier(np.array(GAINS["lqr"]), HinfSettings(back_off=back_off))[0].poles().real.min()
+        hinf_robustifier(np.array(GAINS["lqr"]), with_hinf(back_off=back_off))[0].poles().real.min()
         for back_off in (1.0, 1.005, 1.05)
     ]
     assert stiffest[0] < -1e4
@@ -33,14 +37,14 @@ def test_the_optimal_controller_has_a_stiff_pole_and_backing_off_tames_it() -> N
 def test_designed_for_a_given_gamma(name: str, gamma: float) -> None:
     """A design for the printed norm equals one with back_off = that norm over the smallest."""
     gain = np.array(GAINS[name])
-    k, _, smallest, achieved = hinf_robustifier(gain, HinfSettings(gamma=gamma))
+    k, _, smallest, achieved = hinf_robustifier(gain, with_hinf(gamma=gamma))
     assert smallest < achieved <= gamma * (1.0 + 1e-6)
     just_below = (1.0 - 1e-9) * gamma / smallest  # what back_off gives is rounded up to five digits
-    other = hinf_robustifier(gain, HinfSettings(back_off=just_below)).system
+    other = hinf_robustifier(gain, with_hinf(back_off=just_below)).system
     s = 1j * np.logspace(-2, 3, 50)
     assert k(s) == pytest.approx(other(s), rel=1e-6)
     with pytest.raises(InputError, match=r"gamma of at least 0\.36|gamma of at least 0\.35"):
-        hinf_robustifier(gain, HinfSettings(gamma=0.3))
+        hinf_robustifier(gain, with_hinf(gamma=0.3))
 
 
 @pytest.mark.parametrize(
@@ -50,10 +54,10 @@ def test_designed_for_a_given_gamma(name: str, gamma: float) -> None:
 def test_the_smallest_gamma_at_small_control_weights(control_weight: float, smallest: float) -> None:
     """The values come from a Riccati equation in 60 digits; the limit for no weight is 1/M = 0.2."""
     gain = design_controller("lqr").gain
-    settings = HinfSettings(control_weight=control_weight)
+    settings = with_hinf(control_weight=control_weight)
     *_, gamma_min, achieved = hinf_robustifier(gain, settings)
     assert gamma_min == pytest.approx(smallest, rel=1e-5)
-    assert gamma_min <= achieved <= settings.back_off * gamma_min * (1 + 1e-4)
+    assert gamma_min <= achieved <= settings.hinf.back_off * gamma_min * (1 + 1e-4)
 
 
 ENDS = [
@@ -71,10 +75,10 @@ ENDS = [
 @pytest.mark.parametrize("end", [*ENDS, {"bandwidth": 1e3, "offset": 1e-6, "control_weight": 1e-9}])
 def test_weights_at_the_ends_of_their_ranges(end: dict[str, float]) -> None:
     """No gamma lies below 1/M, which S = 1 has at high frequencies, or above 1/A, which no control gives."""
-    settings = HinfSettings.model_validate(end)
+    settings = with_hinf(**end)
     k, _, smallest, achieved = hinf_robustifier(np.array(GAINS["lqr"]), settings)
-    assert 1.0 / settings.peak <= smallest <= 1.0 / settings.offset * (1 + 1e-8)
-    assert smallest <= achieved <= settings.back_off * smallest * (1 + 1e-4)
+    assert 1.0 / settings.hinf.peak <= smallest <= 1.0 / settings.hinf.offset * (1 + 1e-8)
+    assert smallest <= achieved <= settings.hinf.back_off * smallest * (1 + 1e-4)
     assert control.feedback(inner_loop(np.array(GAINS["lqr"])), k).poles().real.max() < 0.0
 
 

@@ -9,7 +9,7 @@ import pytest
 from cranectl.compare.agreement import agreement_limits
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.steps import SIZE_POWER, STEPS_PER_TIME, SWEPT_ROPE
-from cranectl.scenario.scenario import MAX_DEFAULT_STEP, MIN_DEFAULT_STEP
+from cranectl.scenario.run_settings import MAX_DEFAULT_STEP, MIN_DEFAULT_STEP
 from tests.conftest import ROOT
 
 PAGES = ["README.md", *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "docs/explanation").glob("*.md")))]

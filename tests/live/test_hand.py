@@ -10,7 +10,7 @@ from cranectl.live.hand import HandReference, HandRequest
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.scenario.recorded import MAX_RECORDED_CHANGES
+from cranectl.scenario.recorded import Driven
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text
@@ -158,11 +158,11 @@ def test_driving_by_hand_ends_before_the_longest_run_does() -> None:
 
 def test_too_many_commands_end_driving_by_hand_at_rest() -> None:
     hand = HandReference(load_scenario("fixed-position", overrides=["reference.segments=[]"]), 0)
-    for sample in range(MAX_RECORDED_CHANGES - 2):
+    for sample in range(Driven.MAX_CHANGES - 2):
         hand.follow(sample, HandRequest(False, 0.1 + 1e-5 * (sample % 1000), -0.12345, 0.12345))
     with pytest.raises(InputError, match="too long for a scenario that repeats it"):
-        hand.follow(MAX_RECORDED_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
+        hand.follow(Driven.MAX_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
     assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
     text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
     assert len(text) < MAX_DOCUMENT_BYTES
-    assert len(hand.scenario(35_000, "lqr").reference.segments[-1].wishes) <= MAX_RECORDED_CHANGES
+    assert len(hand.scenario(35_000, "lqr").reference.segments[-1].wishes) <= Driven.MAX_CHANGES

@@ -10,7 +10,6 @@ import numpy as np
 from cranectl.measured.importing import Imported, import_files
 from cranectl.measured.mapping import MeasuredMap
 from cranectl.planning import load_scenario
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
 
@@ -53,7 +52,7 @@ def mapping(signals: Mapping[str, Mapping[str, Any] | None] | None = None, **set
         table[name] = {} if keys is None else {**table.get(name, {}), **keys}
     table = {n: {k: v for k, v in keys.items() if v is not None} for n, keys in table.items() if keys}
     settings = {"time": {"column": "t"}, **settings, "signals": table}
-    return parse_settings(MeasuredMap, settings, "the map")
+    return MeasuredMap.from_table(settings, "the map")
 
 
 COMMANDS = {

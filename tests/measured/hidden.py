@@ -18,7 +18,6 @@ from cranectl.measured.replay import crane_scenario, simulate_replay
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 
@@ -155,9 +154,7 @@ def imported(
     """The run of `rig` that an import of a file with these columns gives, by the map with these settings."""
     has_commands = COMMANDS[0] in signals
     stated = {"time": {"column": "t"}, "signals": signals, "check_physics": False, **settings}
-    mapping = parse_settings(
-        MeasuredMap, stated | ({"commands": "velocity"} if has_commands else {}), "the map"
-    )
+    mapping = MeasuredMap.from_table(stated | ({"commands": "velocity"} if has_commands else {}), "the map")
     with TemporaryDirectory() as folder:
         path = Path(folder) / file
         csv.write_csv(pa.table(dict(columns)), path)  # text is read without another process

@@ -13,7 +13,6 @@ import numpy as np
 
 from cranectl.measured.experiment import encoders_of, rig_with
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import length_scale
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from tests.measured.equations import (
@@ -81,7 +80,7 @@ NO_DEFECTS = Defects()
 
 def make_hidden(rig: RigParameters, defects: Defects = NO_DEFECTS) -> HiddenCrane:
     """Return the constants of a crane that is described by `rig` and has `defects`."""
-    size, friction, mass = length_scale(rig.rope_range[1]), rig.effects.friction, rig.load_mass
+    size, friction, mass = rig.length_scale, rig.effects.friction, rig.load_mass
     axes = np.array([rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass])
     driven = axes + np.array([0.0, 0.0, mass])
     lags = np.array([rig.bridge_time_constant, rig.trolley_time_constant, rig.winch_time_constant])
@@ -207,7 +206,7 @@ def simulated(
     `times` (N,) increase; the first set-point also holds before time 0. `seed` is that of the gusts.
     """
     crane = crane or make_hidden(rig, defects)
-    installation, size = rig.effects.installation, length_scale(rig.rope_range[1])
+    installation, size = rig.effects.installation, rig.length_scale
     speeds = motion.speeds * np.array(installation.drive_gain)
     arrivals = motion.period * np.arange(len(speeds)) + rig.effects.delay.seconds
     winds = wind_of(defects, seed, times, size)

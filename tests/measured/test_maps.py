@@ -11,7 +11,6 @@ from jsonschema import Draft202012Validator
 from cranectl.cli.main import main
 from cranectl.measured.mapping import MeasuredMap
 from cranectl.measured.suggestion import guessed_columns, suggest_map
-from cranectl.scenario.settings import parse_settings
 from cranectl.support.errors import InputError
 from tests.measured.crane import SIGNALS, write_csv
 
@@ -29,13 +28,13 @@ def test_the_schema_of_a_map_knows_what_the_program_takes(capsys: pytest.Capture
     assert main(["list", "--schema", "map"]) == 0
     validator = Draft202012Validator(json.loads(capsys.readouterr().out))
     assert validator.is_valid(MAP)
-    assert parse_settings(MeasuredMap, MAP, "the map").begin == 1.0
+    assert MeasuredMap.from_table(MAP, "the map").begin == 1.0
     assert not validator.is_valid(MAP | {"begin": 1.0})
 
 
 def test_unknown_keys_of_a_map_are_answered_with_the_keys_that_users_write() -> None:
     with pytest.raises(InputError) as error:
-        parse_settings(MeasuredMap, MAP | {"begin": 1.0}, "the map")
+        MeasuredMap.from_table(MAP | {"begin": 1.0}, "the map")
     allowed = error.value.allowed.split(", ")
     assert {"from", "to"} < set(allowed)
     assert not {"begin", "end"} & set(allowed)

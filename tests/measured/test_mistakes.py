@@ -16,7 +16,6 @@ from cranectl.measured.mapping import MeasuredMap
 from cranectl.measured.plausibility import PhysicsVerdict, check_physics
 from cranectl.measured.responses import Recording
 from cranectl.scenario.load import load_rig
-from cranectl.scenario.settings import parse_settings
 from cranectl.support.arrays import Array
 from tests.measured.crane import COMMANDS as COMMAND_MAPS
 from tests.measured.crane import mapping
@@ -128,7 +127,7 @@ def remedied_map(settings: MeasuredMap, remedy: str) -> MeasuredMap:
         assert match is not None, remedy
         value = match[3].strip("'") if match[2] == "unit" else float(match[3])
         signals[match[1]][match[2]] = value
-    return parse_settings(MeasuredMap, table, "the map")
+    return MeasuredMap.from_table(table, "the map")
 
 
 def differences(right: Recording, other: Recording) -> float:

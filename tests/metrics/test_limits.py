@@ -11,7 +11,7 @@ from cranectl.metrics.limits import LimitVerdict, broken_since, judge_limits, li
 from cranectl.metrics.summary import metric_course
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import default_scenario
-from cranectl.scenario.scenario import LimitSettings
+from cranectl.scenario.run_settings import LimitSettings
 from cranectl.support.errors import InputError
 from tests.conftest import closed_loop, cut
 

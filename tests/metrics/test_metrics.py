@@ -29,7 +29,6 @@ from cranectl.report.run.tables import metrics_table, run_table
 from cranectl.report.table import Cell
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Friction
-from cranectl.scenario.settings import parse_settings
 from cranectl.signals import COLUMN
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
@@ -54,7 +53,7 @@ def scenario_of(**changes: object) -> Scenario:
         "name": "synthetic", "duration": 4.0, "reference": {"start": [0.5, 0.5, -0.7], "segments": [line]},
         "effects": {"delay": {"seconds": 0.004}}, **changes,
     }  # fmt: skip
-    return parse_settings(Scenario, table, "test")
+    return Scenario.from_table(table, "test")
 
 
 @pytest.fixture

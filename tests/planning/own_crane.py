@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.along_path import Arc, Line, SplineLaw
-from cranectl.scenario.drawn_size import drawn_load_radius
+from cranectl.scenario.along_path import Arc, Line
+from cranectl.scenario.drawing import Drawing
+from cranectl.scenario.segment_base import SplineLaw
 from cranectl.scenario.segments import Spline
 from cranectl.support.arrays import Array
 
@@ -177,7 +178,7 @@ def excesses(scenario: Scenario, load: Array) -> dict[str, float]:
 def _depth(load: Array, crane: Crane, low: Array, high: Array, scenario: Scenario) -> float:
     """Return how deep [m] ball or rope are in a box at worst; where both are clear, at most 0."""
     outside = np.maximum(np.maximum(low[:, None] - load, load - high[:, None]), 0.0)
-    ball = drawn_load_radius(scenario.rig) - np.sqrt((outside**2).sum(axis=0))
+    ball = Drawing(scenario.rig).load_radius - np.sqrt((outside**2).sum(axis=0))
     # The rope: the largest part of it, from trolley to load, that is inside all three pairs of faces.
     top = np.stack([*crane.trolley[0], np.zeros(load.shape[1])])
     along = load - top

@@ -14,9 +14,9 @@ from cranectl.planning.plan import plan_with_blends
 from cranectl.planning.review import reviews
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
-from cranectl.scenario.along_path import BlendedPath, SplineLaw
-from cranectl.scenario.load import held_files
-from cranectl.scenario.segments import Spline, seconds
+from cranectl.scenario.along_path import BlendedPath
+from cranectl.scenario.segment_base import SplineLaw
+from cranectl.scenario.segments import Spline
 from cranectl.simulate import simulate_run
 from tests.reference.recordings import largest_excess
 
@@ -57,7 +57,7 @@ def path_overrides(path: tuple[str, ...], blend: float, timing: str = MINIMUM) -
 
 
 def duration_of(of: Scenario) -> float:
-    return sum(map(seconds, of.reference.segments))
+    return sum(segment.seconds for segment in of.reference.segments)
 
 
 @pytest.mark.parametrize(("path", "blend"), [(THESIS, 0.05), (THESIS, 0.1), (SQUARE, 0.04), (ARCS, 0.03)])
@@ -96,7 +96,7 @@ def test_a_blended_path_may_last_as_long_as_a_run(monkeypatch: pytest.MonkeyPatc
     start, stopping = np.array(planned.reference.start), iter(2 * scenario(THESIS, 0.0).reference.segments)
     monkeypatch.setattr("cranectl.planning.plan.plan_along", lambda *_: next(stopping))
     for excess, kinds in ((0.0, ["path"]), (1e-9, ["line", "arc"])):
-        monkeypatch.setattr("cranectl.planning.plan.MAX_DURATION", duration_of(planned) - excess)
+        monkeypatch.setattr(Scenario, "MAX_SECONDS", duration_of(planned) - excess)
         assert [part.kind for part in plan_with_blends(segment, start, planned, "it")] == kinds
 
 
@@ -158,7 +158,7 @@ def test_a_log_contains_the_path_and_replays_to_the_bit(path: str, monkeypatch: 
     if path == "way points":
         Path("points.csv").unlink()
     run = read_log("path.mcap")["analytic"]
-    kept = {*held_files(run.scenario)}
+    kept = {*run.scenario.held_files}
     assert "reference/plan.json" in kept  # what was proven when it was planned
     assert len(kept) == 1 + (path == "way points")
     (segment,) = run.scenario.reference.segments

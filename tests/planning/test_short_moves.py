@@ -12,7 +12,7 @@ from cranectl.planning.problem import SAMPLES_PER_SPAN, Problem
 from cranectl.planning.programs import MAX_PROGRAMS, ProgramBudget
 from cranectl.planning.proof import MAX_PIECES, Proof, Violation, polynomial_pieces, prove
 from cranectl.scenario import Scenario
-from cranectl.scenario.segments import Move, Spline, seconds
+from cranectl.scenario.segments import Move, Spline
 from cranectl.support.errors import InputError
 from tests.planning.linear_crane import Axis, least_time, longest_distance
 from tests.planning.own_crane import evaluate
@@ -221,4 +221,4 @@ def test_a_proof_of_a_short_motion_along_the_edge_of_its_range_is_decided() -> N
     proof = prove(np.array(segment.breaks), np.array(segment.coefficients), 7, limits)
     assert proof.is_valid
     assert proof.pieces < 2000
-    assert seconds(segment) < 0.05
+    assert segment.seconds < 0.05

@@ -12,7 +12,6 @@ from cranectl.planning.route import is_blocked, obstacle_depth
 from cranectl.planning.shortest import find_shortest_duration
 from cranectl.reference.geometry import Straight
 from cranectl.scenario import Scenario
-from cranectl.scenario.segments import seconds
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
@@ -83,7 +82,7 @@ def test_a_move_is_lifted_over_a_corner_that_it_would_graze() -> None:
     move = "kind='move', to=[1.4576, 0.1519, -0.5523], duration='shortest'"
     first, second = planned([1.5956, 0.4421, -0.7768], move, corner).reference.segments
     assert first.to == (1.5956, 0.4421, -0.5523)  # type: ignore[union-attr]
-    assert seconds(first) + seconds(second) < 3.0
+    assert first.seconds + second.seconds < 3.0
 
 
 @pytest.mark.parametrize(
@@ -96,7 +95,7 @@ def test_a_move_is_lifted_over_a_corner_that_it_would_graze() -> None:
 )
 def test_a_load_may_touch_an_obstacle(start: list[float], end: list[float]) -> None:
     segments = planned(start, f"kind='line', to={end}, duration='shortest'", box(*WALL)).reference.segments
-    assert seconds(segments[0]) < 3.0
+    assert segments[0].seconds < 3.0
 
 
 def test_repeated_points_of_a_move_are_passed_once() -> None:

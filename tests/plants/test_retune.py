@@ -8,10 +8,12 @@ import pytest
 
 from cranectl.plants.mujoco.model import DRAWN_LENGTH, compiled_model
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS, EffectSettings
+from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.support.resources import Shipped
 from tests.plants.cranes import make, simulate
+
+ALL_EFFECTS = EffectNumbers().only(*EFFECTS)
 
 
 def raw(model: mujoco.MjModel) -> bytes:

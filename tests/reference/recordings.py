@@ -14,7 +14,6 @@ from cranectl.reference import build_trajectory
 from cranectl.reference.time_laws import progress
 from cranectl.reference.trajectory import end_point
 from cranectl.scenario import Scenario
-from cranectl.scenario.segments import seconds
 
 START = np.array([0.4, 0.5, -0.6])
 TO = np.array([1.2, 0.9, -0.9])
@@ -65,7 +64,7 @@ def largest_excess(scenario: Scenario, samples: int) -> float:
     limits, point, worst = limits_of(scenario), np.array(scenario.reference.start), -np.inf
     for segment in scenario.reference.segments:
         curve = curve_of(segment, point)
-        series = series_along(*curve[:3], np.linspace(0.0, seconds(segment), samples))
+        series = series_along(*curve[:3], np.linspace(0.0, segment.seconds, samples))
         assert curve.to_load is not None
         moved = motion_of_crane(curve.to_load(series), limits.gravity)
         worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))

@@ -19,9 +19,7 @@ from cranectl.log.writer import write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
-from cranectl.scenario.load import held_files, with_files
 from cranectl.scenario.segments import Spline
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
@@ -81,7 +79,7 @@ def test_the_log_contains_the_file_and_replays_to_the_bit(recorded: tuple[Path, 
     first = write_log(tmp_path / "first.mcap", [run])
     again = read_log(first)["analytic"].scenario
     assert again == run.scenario
-    assert list(held_files(again).values()) == [content]
+    assert list(again.held_files.values()) == [content]
     second = write_log(tmp_path / "second.mcap", [simulate_run(again, plant="analytic")])
     assert second.read_bytes() == first.read_bytes()
     (name,) = (name for name in describe_log(second).attachments if name.startswith("reference/"))
@@ -92,7 +90,7 @@ def test_a_reference_from_a_log_keeps_only_the_columns_that_it_uses(
     logged: tuple[Path, Run], tmp_path: Path
 ) -> None:
     scenario = scenario_of(logged[0], OF_LOG)
-    (content,) = held_files(scenario).values()
+    (content,) = scenario.held_files.values()
     assert len(content) < 0.2 * (logged[0] / "run.mcap").stat().st_size
     (tmp_path / "columns.parquet").write_bytes(content)
     segment = "kind = 'samples'\nfile = 'columns.parquet'\nunits = {time = 's', length = 'm'}"
@@ -104,8 +102,8 @@ def test_a_reference_from_a_log_keeps_only_the_columns_that_it_uses(
 
 
 def table_and_back(scenario: Scenario) -> Scenario:
-    read = parse_settings(Scenario, scenario.model_dump(mode="json"), "a table")
-    return with_files(read, held_files(scenario))
+    read = Scenario.from_table(scenario.model_dump(mode="json"), "a table")
+    return read.with_files(scenario.held_files)
 
 
 def sampled(scenario: Scenario) -> Scenario:
@@ -126,7 +124,7 @@ def test_the_file_stays_with_copies_of_its_scenario(
     recorded: tuple[Path, Run], copy: Callable[[Scenario], Any]
 ) -> None:
     scenario = recorded[1].scenario
-    assert held_files(copy(scenario)) == held_files(scenario) != {}
+    assert copy(scenario).held_files == scenario.held_files != {}
 
 
 def test_the_result_of_a_campaign_contains_the_file(recorded: tuple[Path, Run], tmp_path: Path) -> None:
@@ -141,7 +139,7 @@ def test_the_result_of_a_campaign_contains_the_file(recorded: tuple[Path, Run], 
         assert main(line) == 0
         assert main(["campaign", "replay", "r", "--run", "1", "--out", "l"]) == 0
         (log,) = Path("l").glob("*.mcap")
-        assert held_files(read_log(log)["analytic"].scenario) == held_files(recorded[1].scenario) != {}
+        assert read_log(log)["analytic"].scenario.held_files == recorded[1].scenario.held_files != {}
         assert main([*line, "--overwrite"]) == 0
         assert len(list(Path("r/reference").iterdir())) == 1
 

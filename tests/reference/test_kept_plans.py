@@ -13,8 +13,7 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario, plan, review
 from cranectl.planning.review import reviews
 from cranectl.scenario import Scenario, Segment
-from cranectl.scenario.load import files_in, put_files, with_files
-from cranectl.scenario.settings import parse_settings
+from cranectl.scenario.held_files import HeldFiles
 from cranectl.simulate import simulate_run
 
 # Faces of rooms have functions of these names.
@@ -104,6 +103,6 @@ def test_a_log_states_the_proof_without_proving_again(
     assert messages[1:4] == [f"reference: {text}" for text in (claims[0], "arc", claims[1])]
     log = write_log(tmp_path / "run.mcap", [run])
     assert [event.message for event in events(read_log(log)["analytic"])] == messages
-    put_files(tmp_path, kept_plan)
-    again = parse_settings(Scenario, kept_plan.model_dump(), "again")
-    assert with_files(again, files_in(tmp_path)) == kept_plan != again
+    HeldFiles(tmp_path).write(kept_plan.held_files)
+    again = Scenario.from_table(kept_plan.model_dump(), "again")
+    assert again.with_files(HeldFiles(tmp_path).read()) == kept_plan != again

@@ -7,7 +7,6 @@ from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.planning.shortest import peak_excesses
 from cranectl.reference.geometry import Straight
-from cranectl.scenario.segments import seconds
 from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
@@ -59,7 +58,7 @@ def test_a_line_in_the_shortest_duration_has_no_slack() -> None:
     line = "reference.segments=[{kind='line', to=[1.4, 0.4, -0.9], duration='shortest'}]"
     overrides = ["reference.start=[0.4, 0.4, -0.9]", "disturbances=[]", "duration=20", line]
     scenario = load_scenario("fixed-position", overrides=overrides)
-    duration = seconds(scenario.reference.segments[0])
+    duration = scenario.reference.segments[0].seconds
     path = Straight(np.array([0.4, 0.4, -0.9]), np.array([1.4, 0.4, -0.9]))
     limits = limits_of(scenario)
     assert max(peak_excesses(path, limits, duration).values()) <= 0.0

@@ -13,7 +13,7 @@ from cranectl.render.timeline import timeline_of
 from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.resources import Shipped
-from tests.scenario.test_drawn_size import similar
+from tests.scenario.test_drawing import similar
 
 WIDTH, HEIGHT = 480, 360
 

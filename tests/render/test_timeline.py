@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.render.caption import legend, readings
 from cranectl.render.timeline import MAX_DASHES, dashes, timeline_of
-from cranectl.scenario.drawn_size import FILED_TRAIL
+from cranectl.scenario.drawing import FILED_TRAIL
 from cranectl.signals import COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus

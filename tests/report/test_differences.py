@@ -10,7 +10,7 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.report.run.differences import settings_table, versions_table, what_differs, what_was_run
 from cranectl.report.table import Table
-from cranectl.scenario.load import changed_from_default, default_scenario
+from cranectl.scenario.load import default_scenario
 from cranectl.simulate import Run, simulate_run
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -31,11 +31,11 @@ def rows(table: Table) -> dict[str, list[str]]:
 
 
 def test_every_setting_that_is_not_the_default_is_named() -> None:
-    assert changed_from_default(default_scenario()) == {}
+    assert default_scenario().changed_from_default == {}
     overrides = ["rig.load_mass=3", "design.poles=[-1,-2,-3,-4]", "effects.delay={}"]
     overrides += ["control.period=0.002", "initial.load_offset=[0.1,0,0]"]
     changed = default_scenario(overrides=overrides)
-    assert changed_from_default(changed) == {
+    assert changed.changed_from_default == {
         "initial.load_offset": [0.1, 0.0, 0.0],
         "rig.load_mass": 3.0,
         "control.period": 0.002,

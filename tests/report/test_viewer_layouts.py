@@ -21,11 +21,11 @@ from cranectl.log.reader import describe_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.report.viewer_layouts import LAYOUTS, layout_json
-from cranectl.scenario.drawn_size import LABORATORY
+from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 from tests.conftest import PAIR, PLANTS, ROOT
-from tests.scenario.test_drawn_size import similar
+from tests.scenario.test_drawing import similar
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -165,7 +165,7 @@ def test_plots_of_constants_have_the_range_of_the_rig() -> None:
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_a_larger_rig_is_seen_from_as_much_farther(name: str) -> None:
-    rigs = (LABORATORY, similar(2.5))
+    rigs = (RigParameters(), similar(2.5))
     filed, large = (camera_and_floor(layout_json(name, rig=rig, labels=["a", "b"])) for rig in rigs)
     for key in ("distance", "targetOffset", "near", "far"):
         assert np.array(large[0][key]) == pytest.approx(2.5 * np.array(filed[0][key]), abs=1e-3), key

@@ -10,7 +10,7 @@ from cranectl.controllers.registry import WHERE, load_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import ROPE_BOUNDS, length_scale, mass_warning
+from cranectl.scenario.similarity import ROPE_BOUNDS
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 
@@ -144,8 +144,8 @@ def test_a_rated_load_in_tonnes_is_doubted(capsys: pytest.CaptureFixture[str]) -
         assert ("bridge and trolley weigh 100000 kg: check that all are in kg" in output) == is_warned
         assert output.count("rated_load") == is_warned
     for name in rig_names():
-        assert mass_warning(load_rig(name)) == ""
-    assert "weigh 8.5 kg" in mass_warning(RigParameters(rated_load=1000.0))
+        assert load_rig(name).mass_warning == ""
+    assert "weigh 8.5 kg" in RigParameters(rated_load=1000.0).mass_warning
 
 
 @pytest.mark.parametrize("longest", [0.049, 1001.0])
@@ -161,7 +161,7 @@ def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest:
 
 @pytest.mark.parametrize("longest", ROPE_BOUNDS)
 def test_every_default_of_a_controller_is_allowed_on_the_smallest_and_the_largest_rig(longest: float) -> None:
-    length = length_scale(longest)
+    length = RigParameters(rope_range=(0.5 * longest, longest)).length_scale
     for name in WHERE:
         for parameter in load_controller(name).parameters:
             sized = parameter.sized(parameter.default, length)

@@ -14,7 +14,6 @@ from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import judge_limits, limits_of
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.scenario import Scenario
-from cranectl.scenario.settings import parse_settings
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError
@@ -92,7 +91,7 @@ CASES = cases()
 
 def run_or_error(table: dict[str, Any]) -> Run | InputError:
     try:
-        scenario = plan_motions(parse_settings(Scenario, table, "s.toml"))
+        scenario = plan_motions(Scenario.from_table(table, "s.toml"))
         return simulate_run(scenario, plant="analytic", controller="lqr")
     except InputError as error:
         return error

@@ -24,7 +24,7 @@ from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
 from cranectl.plants.registry import PlantEntry
 from cranectl.scenario import Scenario
-from cranectl.scenario.load import idle_effects, read_scenario
+from cranectl.scenario.load import read_scenario
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import simulate_run
 from cranectl.simulate.idle_settings import RunKind, idle_settings
@@ -172,7 +172,7 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
             continue
         read = read_scenario(SCENARIO, overrides=overrides)
         assumed: Any = idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
-        assumed = assumed or idle_effects(scenario, [name])
+        assumed = assumed or scenario.idle_effects([name])
         if bool(assumed) == (after != before):
             wrong.append(
                 (name, controller, "changes nothing" if not assumed else f"changes, in spite of {assumed}")

@@ -9,7 +9,6 @@ import numpy as np
 
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.similarity import length_scale
 from cranectl.simulate import Run
 from tests.measured.hidden import hidden_numbers
 from tests.measured.simulator import NO_DEFECTS, Defects, Truth, hidden_run
@@ -95,7 +94,7 @@ def drawn_crane(seed: int, k: int, folder: Path) -> Crane:
 
 def drawn_flaws(rig: RigParameters, rng: np.random.Generator) -> Defects:
     """Return some of the flaws that real cranes and their logs have, each over a wide range."""
-    size = length_scale(rig.rope_range[1])
+    size = rig.length_scale
     slower = sqrt(size)
 
     def between(low: float, high: float) -> float:

@@ -35,8 +35,7 @@ from cranectl.plants.steps import longest_agreeing_step
 from cranectl.report.run.differences import pair_tables
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
-from cranectl.scenario.scenario import default_step
-from cranectl.scenario.settings import parse_settings
+from cranectl.scenario.run_settings import ControlSettings
 from cranectl.simulate import make_plant, plan_scenario, simulate_run
 from cranectl.support.errors import InputError
 
@@ -118,7 +117,9 @@ def _random_rig(random: np.random.Generator, drive: Drive, name: str, steps: int
         "winch_mass": load * draw(1e-2, 3.0),
         **{f"{axis}_time_constant": draw(1e-3, 0.5) for axis in ("bridge", "trolley", "winch")},
     }
-    step = default_step(0.001, longest_agreeing_step(parse_settings(RigParameters, rig, name), drive))
+    step = ControlSettings(period=0.001).default_step(
+        longest_agreeing_step(RigParameters.from_table(rig, name), drive)
+    )
     lasting = min(random.uniform(1.0, 4.0) * np.sqrt(longest / gravity), 0.8 * steps * step)
     start = np.array([*(share * side for share, side in zip((0.5, 0.5), width, strict=True)), -0.6 * longest])
     way = random.normal(size=3)

@@ -26,7 +26,7 @@ from cranectl.reference.series import from_derivatives
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.planning import Obstacle
-from cranectl.scenario.segments import Line, Move, Spline, seconds
+from cranectl.scenario.segments import Line, Move, Spline
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 
@@ -95,7 +95,7 @@ def plan_and_check(scenario: Scenario) -> Result:
         )  # never a stored plan
         cpu_time = time.process_time() - start
         shortest = plan_motions(_with_segments(scenario, move.model_copy(update={"duration": "shortest"})))
-        degree_9 = sum(map(seconds, shortest.reference.segments))
+        degree_9 = sum(segment.seconds for segment in shortest.reference.segments)
     except InputError as error:
         return Result(f"refused: {error}", np.nan, degree_9, time.process_time() - start, 0.0)
     by_limit = excesses(_with_segments(scenario, *segments))
@@ -103,7 +103,7 @@ def plan_and_check(scenario: Scenario) -> Result:
     outcome = "planned" if isinstance(segments[0], Spline) else f"degree 9, {len(segments)} lines"
     if by_limit[worst] > ALLOWED_EXCESS:
         outcome += f", but {worst} is exceeded"
-    return Result(outcome, sum(map(seconds, segments)), degree_9, cpu_time, by_limit[worst])
+    return Result(outcome, sum(segment.seconds for segment in segments), degree_9, cpu_time, by_limit[worst])
 
 
 def _with_segments(scenario: Scenario, *segments: Segment) -> Scenario:
@@ -134,7 +134,7 @@ def load_series(plan: Scenario, samples: int) -> list[list[Array]]:
     """Return the Taylor series of the load by axis, at `samples` equidistant times of each segment."""
     tables, start = [], np.array(plan.reference.start)
     for segment in plan.reference.segments:
-        times = np.linspace(0.0, seconds(segment), samples)
+        times = np.linspace(0.0, segment.seconds, samples)
         if isinstance(segment, Spline):
             curve = spline(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
             tables.append([curve.derivative(k)(times) if k else curve(times) for k in range(ORDERS)])

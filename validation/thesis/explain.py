@@ -409,7 +409,7 @@ def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Arr
     r, order = design.robustifier, design.robustifier.order
     a, b, c = r.a, r.b, r.c
     if controller.endswith("+hinf") and not h.modal:
-        system = hinf_robustifier(design.gain, settings.hinf)[0]
+        system = hinf_robustifier(design.gain, settings)[0]
         a, b, c = system.A, system.B.ravel(), system.C.ravel()
     time = np.arange(round(scenario.duration / TABLE_STEP) + 2) * TABLE_STEP
     rows = build_trajectory(scenario.reference).sample(time)

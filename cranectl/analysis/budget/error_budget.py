@@ -17,7 +17,7 @@ from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
 from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers import flat_design, only_flat
-from cranectl.scenario import NO_EFFECTS, Scenario
+from cranectl.scenario import EffectSettings, Scenario
 from cranectl.simulate import check_several, simulate_run
 from cranectl.support import InputError
 
@@ -124,7 +124,7 @@ def level_scenarios(scenario: Scenario, levels: Sequence[str]) -> list[Scenario]
         "quantisation": effects.sensing,
         **{name: getattr(effects, name) for name in ("limits", "delay", *STRUCTURE, "friction")},
     }
-    scenarios, added = [], NO_EFFECTS
+    scenarios, added = [], EffectSettings()
     for level in levels:
         if level in settings:
             name = "sensing" if level in SENSING else level

@@ -45,7 +45,7 @@ from cranectl.plants import (
     set_damping,
     substeps,
 )
-from cranectl.scenario import EFFECTS, NANOSECONDS, NO_EFFECTS, EffectNumbers, Scenario
+from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario
 from cranectl.signals import ROPE
 from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.support import Array, jit_called
@@ -296,5 +296,5 @@ class LinearisedRun:
 def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:
     """Run and linearise the sampled ideal of `scenario`: the analytic plant, ideal drives and no effects."""
     design = flat_design(controller or scenario.controller.name, scenario)
-    run = simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
+    run = simulate_run(replace_effects(scenario, EffectSettings()), plant="analytic", design=design)
     return LinearisedRun(run, linearise_run(run), assumed_effects(scenario))

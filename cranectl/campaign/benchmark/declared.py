@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.controllers import checked_controller, controller_digests, load_controller
-from cranectl.scenario import DesignSettings, rounded, scale_of
+from cranectl.scenario import DesignSettings, Scaled
 from cranectl.support import leaves
 
 TUNED_DIGITS = 4  # digits of a tuned number, so that the printed number is the one that was run
@@ -39,8 +39,7 @@ class Variable(NamedTuple):
 
     def scale(self, value: float, length: float) -> float:
         """Scale `value` to a crane `length` times as large as the laboratory rig."""
-        is_scaled = self.length_power and length != 1.0
-        return rounded(value * length**self.length_power) if is_scaled else value
+        return Scaled(self.length_power).sized(value, length)
 
 
 # Bounds of the flat family's settings, by design: about a tenth to ten times the thesis's values, and wider
@@ -62,11 +61,12 @@ def variables_of(name: str) -> tuple[Variable, ...]:
     """Return the numbers of the controller `name` that tuning may change; raise InputError if unknown."""
     controller = load_controller(checked_controller(name))
     if controller.axis_design is not None:
-        default = dict(leaves({"design": DesignSettings().model_dump()}))
-        bounds = {
-            f"design.{key}": ends for part in name.split("+") for key, ends in DESIGN_BOUNDS[part].items()
-        }
-        return tuple(Variable(key, default[key], *ends, scale_of(key).length) for key, ends in bounds.items())
+        default = dict(leaves(DesignSettings().model_dump()))
+        bounds = {key: ends for part in name.split("+") for key, ends in DESIGN_BOUNDS[part].items()}
+        return tuple(
+            Variable(f"design.{key}", default[key], *ends, DesignSettings.scale_of(key).length)
+            for key, ends in bounds.items()
+        )
     return tuple(
         Variable(
             f"controller.{name}.{parameter.name}",

@@ -27,7 +27,7 @@ from cranectl.campaign.settings import is_distribution, parse_campaign
 from cranectl.controllers import checked_controller, load_controller
 from cranectl.metrics import limits_of
 from cranectl.plants import with_step
-from cranectl.scenario import read_scenario, size_of
+from cranectl.scenario import read_scenario
 from cranectl.support import FINGERPRINT_DIGITS, InputError, is_path, leaves, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
@@ -143,7 +143,7 @@ def crane_length(benchmark: Benchmark, scenario: str) -> float:
 
     Raises InputError if the scenario cannot be read.
     """
-    return size_of(read_scenario(scenario_source(benchmark, scenario)).rig)
+    return read_scenario(scenario_source(benchmark, scenario)).rig.design_scale
 
 
 def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: BenchmarkScenario) -> dict[str, Any]:

@@ -31,7 +31,7 @@ from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Children, make_worker
 from cranectl.controllers import runs_alone
 from cranectl.metrics import DRIVES
-from cranectl.scenario import Scenario, size_of
+from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
 from cranectl.support import InputError, MachineError, check_ascending
@@ -172,7 +172,7 @@ class _Cranes:
         self, place: _Place, values: Sequence[float], children: Children, stop: Callable[[], bool]
     ) -> list[Row]:
         """Run the numbers `values` on all cranes of `place`; raise InputError if they are refused."""
-        settings = assignments(self.variables, values, size_of(self.campaigns[place].nominal.rig))
+        settings = assignments(self.variables, values, self.campaigns[place].nominal.rig.design_scale)
         campaign = self._campaign(place, settings)
         with closing(make_worker(PreparedCampaign(campaign), children, self.timeout)) as worker:
             return worker.run_batch(Batch(self.plant, self.controller, 0, campaign.runs), stop)

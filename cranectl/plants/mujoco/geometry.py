@@ -7,21 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from cranectl.scenario import (
-    FILED_RADIUS,
-    CraneKind,
-    Portal,
-    RigParameters,
-    crane_kind,
-    drawn_as_filed,
-    drawn_box,
-    drawn_eye,
-    drawn_load_radius,
-    drawn_place,
-    drawn_portal,
-    drawn_reach,
-    drawn_scale,
-)
+from cranectl.scenario import Drawing, RigParameters
 from cranectl.support import Array, Shipped
 
 # Shapes that are drawn, by MuJoCo's type. Planes are infinite and left out.
@@ -77,40 +63,41 @@ def drawn_spec(rig: RigParameters) -> mujoco.MjSpec:
 
 def draw_to_scale(spec: mujoco.MjSpec, rig: RigParameters) -> None:
     """Fit shapes, cameras and lights to the size of `rig`; none of them has a mass or makes contact."""
-    factor, kind = drawn_load_radius(rig) / FILED_RADIUS, crane_kind(rig)
+    drawing = Drawing(rig)
+    factor, kind = drawing.load_scale, drawing.kind
     for geom in spec.body("load").geoms:
         geom.size, geom.fromto = factor * geom.size, factor * geom.fromto
     if kind in PARTS:
-        _replace_parts(spec, rig, kind)
+        _replace_parts(spec, drawing)
     if not rig.look.frame:
         for geom in [geom for geom in spec.geoms if geom.name.startswith(HIDING)]:
             spec.delete(geom)
-    if drawn_as_filed(rig):
+    if drawing.is_as_filed:
         return  # exactly as in the model file
     if kind not in PARTS:
         for body, carried in CARRIED.items():
             for geom in spec.body(body).geoms:
-                _stretch(geom, rig, np.array(carried))
-    scale, reach, middle = drawn_scale(rig), drawn_reach(rig), drawn_box(rig).mean(axis=0)
+                _stretch(geom, drawing, np.array(carried))
+    scale, reach, middle = drawing.scale, drawing.reach, drawing.box.mean(axis=0)
     spec.tendon("rope").width *= scale
     spec.stat.center, spec.stat.extent = middle, reach * spec.stat.extent
     for light in spec.lights:
-        light.pos = drawn_place(light.pos, rig)
+        light.pos = drawing.place(light.pos)
     floor = spec.geom("floor")
     floor.pos, floor.size = (*middle[:2], -rig.rope_range[1]), reach * floor.size
     filed = spec.copy().compile()
     for camera in spec.cameras:
         axes = filed.cam_mat0[filed.camera(camera.name).id].reshape(3, 3).T
         tangent = np.tan(np.radians(camera.fovy) / 2.0)
-        camera.pos, _ = drawn_eye(camera.pos, axes, np.array([ASPECT * tangent, tangent]), rig)
+        camera.pos, _ = drawing.eye(camera.pos, axes, np.array([ASPECT * tangent, tangent]))
 
 
-def _stretch(geom: mujoco.MjsGeom, rig: RigParameters, carried: Array) -> None:
+def _stretch(geom: mujoco.MjsGeom, drawing: Drawing, carried: Array) -> None:
     """Fit a shape to the ranges of the rig; its thickness is scaled."""
-    scale = drawn_scale(rig)
+    scale = drawing.scale
 
     def place(filed: Array) -> Array:
-        return np.where(carried, scale * filed, drawn_place(filed, rig))
+        return np.where(carried, scale * filed, drawing.place(filed))
 
     if geom.type == mujoco.mjtGeom.mjGEOM_BOX:
         low, high = place(geom.pos - geom.size), place(geom.pos + geom.size)
@@ -142,18 +129,18 @@ def _around(middle: float, half: float) -> Span:
     return middle - half, middle + half
 
 
-def _replace_parts(spec: mujoco.MjSpec, rig: RigParameters, kind: CraneKind) -> None:
+def _replace_parts(spec: mujoco.MjSpec, drawing: Drawing) -> None:
     """Replace the model file's frame, bridge and trolley by those of another kind of crane."""
     bodies = ("frame", "bridge", "trolley")
     for body in bodies:
         for geom in list(spec.body(body).geoms):
             spec.delete(geom)
     spec.add_material(name="water", rgba=WATER)
-    PARTS[kind](rig, *(Parts(spec, body) for body in bodies))
-    if kind == "ship-to-shore crane" and rig.look.load_radius is None:
+    PARTS[drawing.kind](drawing, *(Parts(spec, body) for body in bodies))
+    if drawing.kind == "ship-to-shore crane" and drawing.rig.look.load_radius is None:
         for geom in list(spec.body("load").geoms):
             spec.delete(geom)
-        _add_container(Parts(spec, "load"), drawn_load_radius(rig))
+        _add_container(Parts(spec, "load"), drawing.load_radius)
 
 
 def _add_container(load: Parts, radius: float) -> None:
@@ -164,9 +151,10 @@ def _add_container(load: Parts, radius: float) -> None:
     load.add_box("load_head", "joint", (-0.3 * x, 0.3 * x), (-0.4 * y, 0.4 * y), (1.15 * z, 1.4 * z))
 
 
-def _add_bridge_crane(rig: RigParameters, frame: Parts, bridge: Parts, trolley: Parts) -> None:
+def _add_bridge_crane(drawing: Drawing, frame: Parts, bridge: Parts, trolley: Parts) -> None:
     """Add two runways on columns, a bridge of two box girders with end carriages, and a crab."""
-    s, floor, (start, end) = drawn_scale(rig), -rig.rope_range[1], rig.bridge_range
+    rig, s = drawing.rig, drawing.scale
+    floor, (start, end) = -rig.rope_range[1], rig.bridge_range
     sides = (rig.trolley_range[0] - 0.12 * s, rig.trolley_range[1] + 0.12 * s)
     along = (start - 0.12 * s, end + 0.12 * s)
     for k, y in enumerate(sides):
@@ -187,17 +175,17 @@ def _add_bridge_crane(rig: RigParameters, frame: Parts, bridge: Parts, trolley: 
     trolley.add_box("crab_motor", "trolley", *motor)
 
 
-def _add_ship_to_shore(rig: RigParameters, frame: Parts, bridge: Parts, trolley: Parts) -> None:
+def _add_ship_to_shore(drawing: Drawing, frame: Parts, bridge: Parts, trolley: Parts) -> None:
     """Add quay rails and water, a portal that carries a girder over the water, a trolley with a cabin."""
-    s, floor, portal = drawn_scale(rig), -rig.rope_range[1], drawn_portal(rig)
-    (start, end), w = rig.bridge_range, portal.half_width
-    edge, far = portal.waterside + 0.2 * s, FLOOR * drawn_reach(rig)
+    s, floor, portal = drawing.scale, -drawing.rig.rope_range[1], drawing.portal
+    (start, end), w = drawing.rig.bridge_range, portal.half_width
+    edge, far = portal.waterside + 0.2 * s, FLOOR * drawing.reach
     across = _around(0.5 * (start + end), far), (edge, edge + far)
     frame.add_box("water", "water", *across, (floor - 0.01 * s, floor + 5e-4 * s))
     for k, y in enumerate((portal.landside, portal.waterside)):
         frame.add_bar(f"rail_{k}", "rail", (start - w, y, floor), (end + w, y, floor), 0.012 * s)
-    _add_legs(bridge, portal, s, floor)
-    _add_girders(bridge, portal, s)
+    _add_legs(bridge, drawing)
+    _add_girders(bridge, drawing)
     plate = _around(0.0, 0.125 * s), _around(0.0, 0.09 * s), (0.14 * s, 0.17 * s)
     trolley.add_box("trolley_plate", "trolley", *plate)
     cabin = (0.135 * s, 0.2 * s), (-0.03 * s, 0.05 * s), (-0.03 * s, 0.05 * s)
@@ -206,8 +194,9 @@ def _add_ship_to_shore(rig: RigParameters, frame: Parts, bridge: Parts, trolley:
     trolley.add_bar("cabin_hanger", "trolley", *ends, 0.01 * s)
 
 
-def _add_legs(bridge: Parts, portal: Portal, s: float, floor: float) -> None:
+def _add_legs(bridge: Parts, drawing: Drawing) -> None:
     """Add four legs, the beams between them, and two bars from the waterside legs to the apex."""
+    s, floor, portal = drawing.scale, -drawing.rig.rope_range[1], drawing.portal
     w, top, legs = portal.half_width, portal.top, (portal.landside, portal.waterside)
     for k, y in enumerate(legs):
         for j, x in enumerate((-w, w)):
@@ -224,8 +213,9 @@ def _add_legs(bridge: Parts, portal: Portal, s: float, floor: float) -> None:
         bridge.add_bar(f"top_beam_apex{j}", "bridge", foot, head, 0.02 * s)
 
 
-def _add_girders(bridge: Parts, portal: Portal, s: float) -> None:
+def _add_girders(bridge: Parts, drawing: Drawing) -> None:
     """Add two girders that hang from the portal's beams and by stays from its apex, and a machinery house."""
+    s, portal = drawing.scale, drawing.portal
     (back, tip), low, high = portal.girder, 0.06 * s, 0.135 * s
     stayed = ((portal.landside, portal.top), (0.5 * (portal.waterside + tip), high), (tip - 0.05 * s, high))
     for k, x in enumerate(_around(0.0, 0.096 * s)):
@@ -239,7 +229,7 @@ def _add_girders(bridge: Parts, portal: Portal, s: float) -> None:
     bridge.add_box("machinery_house", "aluminium", *house)
 
 
-PARTS: Mapping[CraneKind, Callable[[RigParameters, Parts, Parts, Parts], None]] = {
+PARTS: Mapping[str, Callable[[Drawing, Parts, Parts, Parts], None]] = {
     "bridge crane": _add_bridge_crane,
     "ship-to-shore crane": _add_ship_to_shore,
 }

@@ -6,6 +6,7 @@ Parameters are set by name. Drives are the velocity servos of the file, or motor
 import copy
 import functools
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,7 +25,7 @@ from cranectl.plants.mujoco.effects import (
 from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.surroundings import gravity_in_rig
-from cranectl.scenario import NO_EFFECTS, Effect, EffectSettings, RigParameters
+from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.support import Shipped
 
 JOINTS = (*DRIVEN_JOINTS, *CARDAN_JOINTS)
@@ -44,7 +45,7 @@ FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below
 
 @functools.lru_cache(maxsize=8)
 def compiled_model(
-    rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
+    rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = EffectSettings()
 ) -> mujoco.MjModel:
     """Return the compiled model without its drawing; it is shared, so copy it before changing it."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
@@ -54,7 +55,7 @@ def compiled_model(
 
 @functools.lru_cache(maxsize=8)
 def model_description(
-    rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
+    rig: RigParameters, drive: Drive, step: float, effects: EffectSettings = EffectSettings()
 ) -> str:
     """Return the model as MJCF, drawn to the size of its rig."""
     spec = model_spec(rig, drive=drive, step=step, effects=effects)
@@ -64,7 +65,7 @@ def model_description(
 
 
 def model_spec(
-    rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = NO_EFFECTS
+    rig: RigParameters, *, drive: Drive, step: float, effects: EffectSettings = EffectSettings()
 ) -> mujoco.MjSpec:
     """Return the model of one run: parameters, drives, effects and physics step [s] are set."""
     spec = mujoco.MjSpec.from_file(str(Shipped.MODEL_FILE))
@@ -88,7 +89,7 @@ def _setting(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Setti
     return Setting(rig, drive, drawn, drawn - offset)
 
 
-def _shown_effects(effects: EffectSettings, setting: Setting) -> Iterator[tuple[EffectModel, Effect]]:
+def _shown_effects(effects: EffectSettings, setting: Setting) -> Iterator[tuple[EffectModel, Any]]:
     """Yield each effect that is on and that this model shows, with its EffectModel."""
     for name, model in EFFECT_MODELS.items():
         effect = getattr(effects, name)

@@ -16,7 +16,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PlantEntry
-from cranectl.scenario import NO_EFFECTS, EffectSettings, ModelNames, RigParameters
+from cranectl.scenario import EffectSettings, ModelNames, RigParameters
 from cranectl.support import Array
 
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
@@ -30,7 +30,7 @@ class OwnPlant(MujocoPlant):
         effects: EffectSettings, **timing: Any,
     ) -> None:  # fmt: skip
         self.name, self.drive = name, drive
-        self.parameters, self.effects, self._given = rig, NO_EFFECTS, (rig, effects)
+        self.parameters, self.effects, self._given = rig, EffectSettings(), (rig, effects)
         self.own = own = open_model(Path(file), names)
         self.model = copy.copy(own.model)
         self.model.opt.timestep = step

@@ -25,7 +25,7 @@ from cranectl.plants.mujoco.rope import DISTANCE, ElasticRope, elastic_rope, set
 from cranectl.plants.mujoco.sites import NO_SITES, SiteViews, measure_sites, read_load_of_sites
 from cranectl.plants.plant import DRIVES, Drive, Kernels, check_hook, check_rate
 from cranectl.plants.surroundings import air_drag
-from cranectl.scenario import NO_EFFECTS, EffectSettings, RigParameters
+from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.support import Array, jit
 
 
@@ -222,7 +222,7 @@ class MujocoPlant:
 
     def check_length(self, length: float) -> None:
         """Raise InputError if a rope of `length` [m] is too short for the effects or for the step."""
-        if self.effects == NO_EFFECTS:
+        if not self.effects.names:
             return
         check_hook(self.effects, length)
         trial, state = mujoco.MjData(self.model), np.zeros(10)
@@ -263,6 +263,6 @@ class MujocoPlant:
 
 def _physical(effects: EffectSettings) -> EffectSettings:
     """Return only the effects that change the model, so that others cause no new compilation."""
-    return NO_EFFECTS.model_copy(
+    return EffectSettings().model_copy(
         update={name: getattr(effects, name) for name in (*EFFECT_MODELS, "installation")}
     )

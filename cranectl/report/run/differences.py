@@ -9,7 +9,6 @@ from cranectl.cases.pairwise import Pairwise, WorstPair
 from cranectl.compare import Comparison, RegressionVerdict, worst_first
 from cranectl.plants import describe_step
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
-from cranectl.scenario import assumed_settings, changed_from_default
 from cranectl.simulate import Run
 from cranectl.support import PROCESSOR_ROUNDING, difference_in, difference_text, leaves, plain
 
@@ -54,10 +53,10 @@ def settings_table(logs: Logs) -> Table:
 
 def _marked(run: Run) -> dict[str, str]:
     """Return the changed settings of a run as texts, with a mark at those that nobody stated."""
-    assumed = assumed_settings(run.scenario.rig, run.scenario.effects)
+    assumed = run.scenario.assumed_settings
     stated = run.scenario.controller.parameters.get(run.design.name, {})
     given = {name: value for name, value in _parameters(run).items() if name.rpartition(".")[2] in stated}
-    settings = changed_from_default(run.scenario) | given
+    settings = run.scenario.changed_from_default | given
     return {name: f"{_text(value)}{ASSUMED * (name in assumed)}" for name, value in settings.items()}
 
 

@@ -23,7 +23,7 @@ from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, count_coordinates, set_state
 from cranectl.plants.plant import Drive
 from cranectl.scenario import Scenario
-from cranectl.scenario.effects import ALL_EFFECTS, NO_EFFECTS
+from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
 from cranectl.scenario.load import default_scenario
 from cranectl.signals import COLUMN, ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, tracker_of
@@ -34,6 +34,8 @@ from cranectl.simulate.runner import inputs_of, prepare_controller
 from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
+
+ALL_EFFECTS = EffectNumbers().only(*EFFECTS)
 
 G, PERIOD = 9.81, 1e-3
 POINTS = [OperatingPoint(0.7), OperatingPoint(0.2, (1.0, 1.0)), OperatingPoint(1.3, (-2.0, 0.5))]

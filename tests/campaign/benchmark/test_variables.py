@@ -8,7 +8,6 @@ from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.controllers.registry import load_controller
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.planning import load_scenario
-from cranectl.scenario.similarity import size_of
 from cranectl.support.errors import InputError
 from tests.benchmark.conftest import close_opened_controllers
 from tests.conftest import ROOT
@@ -76,7 +75,7 @@ def test_values_are_scaled_to_the_crane_of_a_scenario() -> None:
     scenario = load_scenario("fast-diagonal", overrides=assignments(poles, changed))
     assert scenario.design.poles == tuple(changed)
     harbour = load_scenario("ship-to-shore")
-    length = size_of(harbour.rig)
+    length = harbour.rig.design_scale
     assert length > 20.0
     scaled = load_scenario("ship-to-shore", overrides=assignments(poles, changed, length))
     assert scaled.design.poles[1:] == harbour.design.poles[1:]

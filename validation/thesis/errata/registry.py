@@ -14,7 +14,7 @@ from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.design.loop_shaping import error_weight
 from cranectl.model import dynamics
-from cranectl.scenario.design import LoopShapingSettings
+from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.rig import RigParameters
 
 Check = Callable[[], tuple[float, float]]
@@ -83,4 +83,4 @@ def motion_terms(state: np.ndarray) -> tuple[np.ndarray, ...]:
 
 def shaped_plant(feedback: str) -> control.StateSpace:
     """Return G W_e of section 5.2.1 for one axis."""
-    return inner_loop(design_controller(feedback).gain) * error_weight(LoopShapingSettings())
+    return inner_loop(design_controller(feedback).gain) * error_weight(DesignSettings())

@@ -4,21 +4,10 @@ import numpy as np
 import pytest
 
 from cranectl.plants.mujoco.geometry import rig_solids
-from cranectl.scenario.drawn_size import (
-    LABORATORY,
-    CraneKind,
-    crane_kind,
-    drawn_box,
-    drawn_eye,
-    drawn_load_radius,
-    drawn_place,
-    drawn_portal,
-    drawn_reach,
-    drawn_scale,
-    drawn_trail,
-)
+from cranectl.scenario.drawing import CraneKind, Drawing
 from cranectl.scenario.rig import Look, RigParameters
 
+LABORATORY = RigParameters()
 HARBOUR = RigParameters(
     bridge_range=(0.0, 40.0), trolley_range=(0.0, 20.0), rope_range=(2.0, 45.0), load_mass=2e4
 )
@@ -45,20 +34,20 @@ def similar(times: float) -> RigParameters:
 def test_a_rig_of_the_laboratorys_shape_is_drawn_to_scale(times: float) -> None:
     rig = similar(times)
     filed = np.array([2.1, -0.12, -1.37])
-    assert drawn_scale(rig) == pytest.approx(times) == drawn_reach(rig)
-    assert drawn_load_radius(rig) == pytest.approx(0.05 * times)
-    assert drawn_place(filed, rig) == pytest.approx(times * filed)
-    eye, farther = drawn_eye(np.array([3.9, -2.6, 0.75]), LEAN, TANGENTS, rig)
+    assert Drawing(rig).scale == pytest.approx(times) == Drawing(rig).reach
+    assert Drawing(rig).load_radius == pytest.approx(0.05 * times)
+    assert Drawing(rig).place(filed) == pytest.approx(times * filed)
+    eye, farther = Drawing(rig).eye(np.array([3.9, -2.6, 0.75]), LEAN, TANGENTS)
     assert eye == pytest.approx(times * np.array([3.9, -2.6, 0.75]))
     assert farther == pytest.approx(times)
-    assert drawn_trail(rig) == pytest.approx(4.0 * np.sqrt(times)), "as a pendulum swings"
+    assert Drawing(rig).trail == pytest.approx(4.0 * np.sqrt(times)), "as a pendulum swings"
 
 
 def test_one_long_side_alone_makes_no_thick_parts() -> None:
     for rig in (TRACK, SHAFT):
-        thickness = drawn_scale(rig) * 0.17  # of the trolley, the widest part
-        assert thickness < 0.3 * np.ptp(drawn_box(rig), axis=0).min()
-        assert drawn_scale(rig) < 0.2 * drawn_reach(rig)
+        thickness = Drawing(rig).scale * 0.17  # of the trolley, the widest part
+        assert thickness < 0.3 * np.ptp(Drawing(rig).box, axis=0).min()
+        assert Drawing(rig).scale < 0.2 * Drawing(rig).reach
 
 
 def test_parts_stand_as_far_from_the_ends_of_the_ranges_as_filed() -> None:
@@ -66,12 +55,12 @@ def test_parts_stand_as_far_from_the_ends_of_the_ranges_as_filed() -> None:
         ([-0.1, 1.66, -1.4], [-0.1 * 20.0, 20.0 + 0.12 * 20.0, -45.0]),
         ([2.1, -0.12, 0.095], [40.0 + 0.1 * 20.0, -0.12 * 20.0, 0.095 * 20.0]),
     ):
-        assert drawn_place(np.array(filed), HARBOUR) == pytest.approx(expected)
+        assert Drawing(HARBOUR).place(np.array(filed)) == pytest.approx(expected)
 
 
 def test_a_load_of_any_mass_is_visible_and_hides_nothing() -> None:
-    assert drawn_load_radius(HARBOUR) == pytest.approx(0.05 * 20000.0 ** (1.0 / 3.0))
-    radii = [drawn_load_radius(HARBOUR.model_copy(update={"load_mass": mass})) for mass in (1e-3, 2e4, 1e6)]
+    assert Drawing(HARBOUR).load_radius == pytest.approx(0.05 * 20000.0 ** (1.0 / 3.0))
+    radii = [Drawing(HARBOUR.model_copy(update={"load_mass": mass})).load_radius for mass in (1e-3, 2e4, 1e6)]
     assert radii == sorted(radii)
     assert 0.5 < radii[0] < radii[-1] <= 2.0
 
@@ -82,13 +71,13 @@ def test_every_rig_is_whole_in_a_picture_and_fills_it(name: str, axes: np.ndarra
     """The picture is as full as the laboratory's, to a fifth, since rigs differ in shape."""
 
     def fullness(rig: RigParameters, eye: np.ndarray) -> float:
-        corners = np.array(np.meshgrid(*drawn_box(rig).T)).reshape(3, -1)
+        corners = np.array(np.meshgrid(*Drawing(rig).box.T)).reshape(3, -1)
         right_up, back = np.split(axes @ (corners - eye[:, None]), [2])
         assert (back < 0.0).all(), "before the camera"
         return float((np.abs(right_up / back) / TANGENTS[:, None]).max())
 
-    rig, filed = RIGS[name], drawn_box(LABORATORY).mean(axis=0) + 5.0 * axes[2]
-    eye, _ = drawn_eye(filed, axes, TANGENTS, rig)
+    rig, filed = RIGS[name], Drawing(LABORATORY).box.mean(axis=0) + 5.0 * axes[2]
+    eye, _ = Drawing(rig).eye(filed, axes, TANGENTS)
     assert fullness(rig, eye) == pytest.approx(fullness(LABORATORY, filed), rel=0.2)
     assert fullness(rig, eye) < 0.95
 
@@ -117,7 +106,7 @@ def crane(bridge: float, trolley: float, lift: float) -> RigParameters:
     ],
 )
 def test_size_and_proportions_decide_what_is_drawn(rig: RigParameters, kind: CraneKind) -> None:
-    assert crane_kind(rig) == kind
+    assert Drawing(rig).kind == kind
     names = {solid.name for solid in rig_solids(rig)}
     assert ("bridge_motor" in names) == (kind == "laboratory frame")
     assert ("crab" in names) == (kind == "bridge crane")
@@ -127,8 +116,8 @@ def test_size_and_proportions_decide_what_is_drawn(rig: RigParameters, kind: Cra
 
 @pytest.mark.parametrize("rig", [HARBOUR, TRACK, similar(20.0)], ids=["harbour", "track", "large"])
 def test_every_part_is_within_the_box_that_cameras_show(rig: RigParameters) -> None:
-    (low, high), travel = drawn_box(rig), np.array([rig.bridge_range, rig.trolley_range])
-    least = 1e-3 * drawn_scale(rig)  # feet and water stand in the floor
+    (low, high), travel = Drawing(rig).box, np.array([rig.bridge_range, rig.trolley_range])
+    least = 1e-3 * Drawing(rig).scale  # feet and water stand in the floor
     for solid in rig_solids(rig):
         if solid.body == "load" or solid.name == "water":
             continue
@@ -143,7 +132,7 @@ def test_every_part_is_within_the_box_that_cameras_show(rig: RigParameters) -> N
 
 @pytest.mark.parametrize("rig", [HARBOUR, crane(30.0, 45.0, 37.0)], ids=["narrow", "harbour-crane"])
 def test_a_container_passes_between_the_legs_of_its_portal(rig: RigParameters) -> None:
-    solids, portal = {solid.name: solid for solid in rig_solids(rig)}, drawn_portal(rig)
+    solids, portal = {solid.name: solid for solid in rig_solids(rig)}, Drawing(rig).portal
     legs = [solid for name, solid in solids.items() if "post" in name]
     assert len(legs) == 4
     inside = min(abs(leg.position[0]) - leg.size[0] / 2.0 for leg in legs)
