@@ -15,6 +15,7 @@ from .capabilities import check_effects as check_effects
 from .capabilities import check_scenario as check_scenario
 from .capabilities import lacking as lacking
 from .capabilities import without_lacking as without_lacking
+from .differences import jacobian as jacobian
 from .dop853 import STAGES as STAGES
 from .dop853 import A as A
 from .dop853 import B as B
@@ -43,16 +44,7 @@ from .mujoco.geometry import FLOOR as FLOOR
 from .mujoco.geometry import NEAR_POST as NEAR_POST
 from .mujoco.geometry import drawn_spec as drawn_spec
 from .mujoco.geometry import rig_solids as rig_solids
-from .mujoco.linearisation import BaseState as BaseState
-from .mujoco.linearisation import change_since as change_since
-from .mujoco.linearisation import count_coordinates as count_coordinates
-from .mujoco.linearisation import displace as displace
-from .mujoco.linearisation import free_coordinates as free_coordinates
-from .mujoco.linearisation import load_velocity as load_velocity
-from .mujoco.linearisation import present_state as present_state
-from .mujoco.linearisation import rope_stretch as rope_stretch
-from .mujoco.linearisation import set_state as set_state
-from .mujoco.linearisation import unbalanced_forces as unbalanced_forces
+from .mujoco.linearisation import Equilibrium as Equilibrium
 from .mujoco.model import ideal_inertia as ideal_inertia
 from .mujoco.model import state_addresses as state_addresses
 from .mujoco.own_check import find_differences as find_differences
