@@ -5,10 +5,9 @@ from .addressed import addressed_plant as addressed_plant
 from .addressed import addressed_warnings as addressed_warnings
 from .addressed import advance_addressed as advance_addressed
 from .addressed import measure_addressed as measure_addressed
+from .addressed import next_states as next_states
 from .addressed import plant_object as plant_object
-from .analytic import AnalyticCrane as AnalyticCrane
 from .analytic import AnalyticPlant as AnalyticPlant
-from .analytic import derivative as derivative
 from .analytic import observe_load as observe_load
 from .analytic import passive_accelerations as passive_accelerations
 from .capabilities import check_effects as check_effects
@@ -16,17 +15,6 @@ from .capabilities import check_scenario as check_scenario
 from .capabilities import lacking as lacking
 from .capabilities import without_lacking as without_lacking
 from .differences import jacobian as jacobian
-from .dop853 import STAGES as STAGES
-from .dop853 import A as A
-from .dop853 import B as B
-from .elastic.crane import STATES as STATES
-from .elastic.crane import ElasticCrane as ElasticCrane
-from .elastic.crane import hanging_states as hanging_states
-from .elastic.crane import load_positions as load_positions
-from .elastic.crane import make_crane as make_crane
-from .elastic.crane import make_work as make_work
-from .elastic.crane import set_damping as set_damping
-from .elastic.plant import ElasticHandle as ElasticHandle
 from .elastic.plant import ElasticPlant as ElasticPlant
 from .model_files import BATCH as BATCH
 from .model_files import MODEL_ENDING as MODEL_ENDING
@@ -56,7 +44,6 @@ from .mujoco.own_plant import built_in as built_in
 from .mujoco.plant import MujocoPlant as MujocoPlant
 from .plant import DRIVES as DRIVES
 from .plant import Drive as Drive
-from .plant import Kernels as Kernels
 from .plant import Plant as Plant
 from .plant import StepError as StepError
 from .registry import ALL as ALL
