@@ -25,7 +25,7 @@ from cranectl.controllers.registry import controller_digests, load_controller, r
 from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.mujoco.own_model import open_model
-from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
+from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import toml_text
@@ -129,7 +129,7 @@ def make_importable(folder: Path, value: str, name: str) -> None:
 def plant(folder: Path, value: str) -> object:
     make_importable(folder, value, "own_plant")
     PLANTS["own"] = PlantEntry("own", "own", "series-1", "own_plant:Plant", 1)
-    return plant_sources(["own"])
+    return PLANTS.sources(["own"])
 
 
 def registered(folder: Path, value: str) -> object:

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics import Limits
-from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
+from cranectl.plants import PLANTS, REFERENCE_PLANT, Drive, plant_named
 from cranectl.scenario import Assigned, RuleError, Settings, override, parse_settings, rig_place
 from cranectl.support import MAX_RUNS, InputError, leaves, read_toml, resources, unknown_name
 
@@ -119,7 +119,7 @@ def parse_campaign(
     settings = parse_settings(CampaignSettings, table, source, assigned)
     plants = tuple(map(plant_named, settings.plants))
     for name in plants:
-        plant_entry(name).check_campaigns()
+        PLANTS.entry(name).check_campaigns()
     return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers import OPEN, SharedControllers, runs_alone
 from cranectl.loaders.opening import open_again
-from cranectl.plants import PLANTS, PlantEntry, model_plants
+from cranectl.plants import PLANTS, PlantEntry
 from cranectl.support import (
     TRIES,
     Child,
@@ -140,7 +140,7 @@ class _Worker:
             self._child.end()
 
     def _start_child(self) -> Child:
-        arguments = OPEN.share(), _plant_modules(), model_plants()
+        arguments = OPEN.share(), _plant_modules(), PLANTS.model_files
         return spawn_child(_serve_cases, *arguments, context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:

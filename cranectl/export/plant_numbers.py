@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
-from cranectl.plants import Drive, Plant, plant_entry, substeps
+from cranectl.plants import PLANTS, Drive, Plant, substeps
 from cranectl.scenario import NANOSECONDS, STILL, Scenario, Settings
 from cranectl.signals import STATE
 from cranectl.support import Array, array_words, block_leaves
@@ -35,7 +35,7 @@ class PlantNumbers:
     def __init__(self, scenario: Scenario, plant: str, drive: Drive, start: Array) -> None:
         """Prepare the plant of `scenario` that starts at the state `start` (10,)."""
         self.scenario, self.drive, self.start = scenario, drive, start
-        self.make_plant = plant_entry(plant).load()
+        self.make_plant = PLANTS.entry(plant).load()
         effects = scenario.effects
         groups = [
             ("rig", scenario.rig),

@@ -13,7 +13,7 @@ import numpy as np
 
 from cranectl.controllers import controller_design, controller_of, prepared
 from cranectl.design import ControllerDesign
-from cranectl.plants import DRIVES, OWN_PLANT, PLANTS, Drive, plant_entry
+from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, MINIMUM_TIME, SHORTEST, Move, Scenario, is_planned
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
@@ -92,12 +92,12 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
 
     `zero` says for each number, by name, whether it is 0 in all runs.
     """
-    entry = plant_entry(plant)
+    entry = PLANTS.entry(plant)
     group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
     for lack in (group, group.partition(".")[0]):
         if reason := entry.lack(lack):
             return f"the {entry.label} plant, {reason}"
-    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and entry.where != OWN_PLANT:
+    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and not entry.is_model_file:
         return f"the {entry.label} plant is not from a model file"
     if name.removeprefix("rig.") in entry.fixed:
         return f"it is built into the {entry.label} plant"

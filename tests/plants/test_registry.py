@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.plants import registry
-from cranectl.plants.registry import PLANTS, in_order, reference_plant, register_plant
+from cranectl.plants.registry import PLANTS, register_plant
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError
 
@@ -67,6 +67,6 @@ def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last(
 ) -> None:
     third = replace(PLANTS["analytic"], name="third")
     monkeypatch.setattr(registry, "PLANTS", registry.Plants(*PLANTS.values(), third))
-    assert in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
-    assert reference_plant(["third", "mujoco"]) == "mujoco"
-    assert reference_plant(["third", "analytic"]) == "third"
+    assert PLANTS.in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
+    assert PLANTS.reference(["third", "mujoco"]) == "mujoco"
+    assert PLANTS.reference(["third", "analytic"]) == "third"

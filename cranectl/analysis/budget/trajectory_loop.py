@@ -26,7 +26,7 @@ from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers import Tracker, flat_design, only_flat
 from cranectl.design import diagonal
 from cranectl.model import flat_output, linearising_input
-from cranectl.plants import AnalyticPlant, ElasticPlant, Plant, lacking, next_states, plant_entry, substeps
+from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, Plant, next_states, substeps
 from cranectl.scenario import EFFECTS, NANOSECONDS, NO_EFFECTS, EffectNumbers, Scenario
 from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.support import Array, jit_called
@@ -35,7 +35,7 @@ EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
 # Effects that change the equations of motion of the elastic crane.
 STRUCTURE = tuple(
-    name for name, kind in EFFECTS.items() if kind.is_structural and not lacking(plant_entry("elastic"), name)
+    name for name, kind in EFFECTS.items() if kind.is_structural and not PLANTS["elastic"].why_lacking(name)
 )
 LINEARISATION_STRIDE = 4  # samples that share one linearisation of the elastic crane
 
