@@ -12,7 +12,7 @@ from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers import CompiledController, controller_design
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants import Plant, check_scenario, substeps
+from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH_WIDTH
 from cranectl.simulate import (
@@ -179,7 +179,7 @@ class Worker:
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """Return a plant for `scenario`; reuse an earlier one with new parameters if possible."""
         drive = self._prepared.campaign.settings.drive
-        kind = name, scenario.period_ns, substeps(scenario, drive)
+        kind = name, scenario.period_ns, PhysicsStep(scenario, drive).per_period
         plant = self._plants.get(kind)
         if plant is not None:
             check_scenario(scenario, plant=name, drive=drive)

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
-from cranectl.plants import DRIVES, PLANTS, Drive, substeps
+from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
@@ -283,7 +283,7 @@ def judge_steps(
 
 def with_finer_steps(scenario: Scenario, drive: Drive, times: int) -> Scenario | None:
     """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
-    step_ns, rest = divmod(scenario.period_ns, substeps(scenario, drive) * times)
+    step_ns, rest = divmod(scenario.period_ns, PhysicsStep(scenario, drive).per_period * times)
     if rest or step_ns < MIN_STEP_NS:
         return None
     control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
-from cranectl.plants import PLANTS, Drive, Plant, substeps
+from cranectl.plants import PLANTS, Drive, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, STILL, Scenario, Settings
 from cranectl.signals import STATE
 from cranectl.support import Array, array_words, block_leaves
@@ -49,7 +49,7 @@ class PlantNumbers:
 
     def plant(self, numbers: Mapping[str, Any]) -> Plant:
         """Return the plant made with other numbers of rig and effects."""
-        effects, steps = self.scenario.effects, substeps(self.scenario, self.drive)
+        effects, steps = self.scenario.effects, PhysicsStep(self.scenario, self.drive).per_period
         parts = {
             name: _replaced(getattr(effects, name), f"effects.{name}", numbers) for name in effects.names
         }

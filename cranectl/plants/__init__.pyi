@@ -32,7 +32,6 @@ from .mujoco.own_geometry import OwnGeometry as OwnGeometry
 from .mujoco.own_geometry import own_geometry as own_geometry
 from .mujoco.own_model import SiteModel as SiteModel
 from .mujoco.own_model import open_model as open_model
-from .mujoco.own_plant import built_in as built_in
 from .mujoco.plant import MujocoPlant as MujocoPlant
 from .plant import DRIVES as DRIVES
 from .plant import Drive as Drive
@@ -42,10 +41,7 @@ from .registry import PLANTS as PLANTS
 from .registry import REFERENCE_PLANT as REFERENCE_PLANT
 from .registry import PlantEntry as PlantEntry
 from .registry import register_plant as register_plant
-from .steps import describe_step as describe_step
-from .steps import longest_agreeing_step as longest_agreeing_step
-from .steps import substeps as substeps
-from .steps import with_step as with_step
+from .steps import PhysicsStep as PhysicsStep
 from .surroundings import FORCE as FORCE
 from .surroundings import air_velocity as air_velocity
 from .trials import check_honest as check_honest

@@ -21,7 +21,7 @@ from cranectl.controllers import (
     with_own_memory,
 )
 from cranectl.design import ControllerDesign, Design
-from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, Plant, check_scenario, examine, substeps
+from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, PhysicsStep, Plant, check_scenario, examine
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import INPUT_COLUMN, PATH_WIDTH
@@ -227,7 +227,7 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
         from cranectl.plants import check_honest
 
         check_honest(entry.name, drive)
-    steps = substeps(scenario, drive)
+    steps = PhysicsStep(scenario, drive).per_period
     return entry.load()(
         scenario.rig,
         drive=drive,

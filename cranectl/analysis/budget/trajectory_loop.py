@@ -26,7 +26,7 @@ from cranectl.analysis.levels import assumed_effects, replace_effects
 from cranectl.controllers import Tracker, flat_design, only_flat
 from cranectl.design import diagonal
 from cranectl.model import flat_output, linearising_input
-from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, Plant, next_states, substeps
+from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, PhysicsStep, Plant, next_states
 from cranectl.scenario import EFFECTS, NANOSECONDS, NO_EFFECTS, EffectNumbers, Scenario
 from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.support import Array, jit_called
@@ -233,7 +233,7 @@ class LinearisedRun:
         if structure not in self._loops:
             run, chosen = self.run, self.effects.only(*structure)
             scenario = run.scenario
-            steps = substeps(scenario, "velocity")
+            steps = PhysicsStep(scenario, "velocity").per_period
             plant = ElasticPlant(
                 scenario.rig,
                 drive="velocity",

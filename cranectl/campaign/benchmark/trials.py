@@ -26,7 +26,7 @@ from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import is_distribution, parse_campaign
 from cranectl.controllers import checked_controller, load_controller
 from cranectl.metrics import limits_of
-from cranectl.plants import with_step
+from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario, size_of
 from cranectl.support import FINGERPRINT_DIGITS, InputError, check_known, leaves, resources, syntax_of
 
@@ -193,7 +193,7 @@ def trial_campaign(
     }
     campaign = unchecked_campaign(parse_campaign(table, benchmark.name))
     # All cranes have the step of the nominal one, so that judged runs do not depend on how steps are chosen.
-    return replace(campaign, nominal=with_step(campaign.nominal, campaign.settings.drive))
+    return replace(campaign, nominal=PhysicsStep(campaign.nominal, campaign.settings.drive).stated())
 
 
 def scenario_source(benchmark: Benchmark, scenario: str) -> str:
