@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from cranectl.controllers import RUNNING, regularity
+from cranectl.controllers import regularity
 from cranectl.design import Design
 from cranectl.model import angular_accelerations, flat_output, linearising_input
 from cranectl.plants import AnalyticPlant, observe_load, passive_accelerations
@@ -46,7 +46,7 @@ from cranectl.support import Array, jit_called
 STAGES = DOP853.n_stages  # of the Dormand-Prince method of order 8, with SciPy's coefficients
 A, B = np.ascontiguousarray(DOP853.A[:STAGES, :STAGES]), np.ascontiguousarray(DOP853.B)
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
-SLACK_ROPE, COMPLETED = int(RunStatus.SLACK_ROPE), int(RunStatus.COMPLETED)
+RUNNING, SLACK_ROPE, COMPLETED = map(int, (RunStatus.RUNNING, RunStatus.SLACK_ROPE, RunStatus.COMPLETED))
 EXTENSION, ROBUSTIFIER = 10, 12  # places in the state
 MAX_STEP = 1e-3  # [s], longest step
 STIFFNESS = 2.0  # largest |pole| times step

@@ -18,7 +18,7 @@ from cranectl.analysis.levels import (
     replace_effects,
     with_effects,
 )
-from cranectl.controllers import controller_design, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, only_flat
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants import StepError, examine
 from cranectl.scenario import Scenario
@@ -100,7 +100,7 @@ def evaluate_levels(
     unknown level. Before any run, it also raises InputError for settings that a level does not allow.
     """
     check_known("fidelity level", [top], NAMES)
-    design = controller_design(controller or scenario.controller.name, scenario)
+    design = ALL_CONTROLLERS.design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
     check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)
     added = [name for name in names if name in EFFECT_LEVELS]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers import OPEN, UDP, controller_digests, controller_sources
+from cranectl.controllers import ALL_CONTROLLERS, OPEN, UDP
 from cranectl.loaders.opening import file_from
 from cranectl.plants import PLANTS, REFERENCE_PLANT, PlantEntry, examine
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, parse_settings, without_file_names
@@ -39,7 +39,7 @@ class SoftwareOrigin(NamedTuple):
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
     """Return the versions of the installed software: cranectl, registered modules, controllers from files."""
-    own = PLANTS.sources(plants) | controller_sources(controllers) | controller_digests(controllers)
+    own = PLANTS.sources(plants) | ALL_CONTROLLERS.sources(controllers) | ALL_CONTROLLERS.digests(controllers)
     return provenance() | own
 
 

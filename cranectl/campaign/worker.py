@@ -10,7 +10,7 @@ import numpy as np
 from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers import CompiledController, controller_design
+from cranectl.controllers import ALL_CONTROLLERS, CompiledController
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -59,7 +59,7 @@ class PreparedCampaign:
         self._lock = threading.Lock()
         check_planned(campaign.nominal, others=_cached_periods(campaign))
         with DESIGN_LOCK:
-            self._designs = {name: controller_design(name, campaign.nominal) for name in names}
+            self._designs = {name: ALL_CONTROLLERS.design(name, campaign.nominal) for name in names}
             for name in names:
                 self._controller(name, campaign.nominal)
 

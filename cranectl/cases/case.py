@@ -16,7 +16,7 @@ from cranectl.compare import (
     judge_steps,
     limits_for,
 )
-from cranectl.controllers import controller_design
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, check_writable, write_log
 from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
 from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
@@ -252,7 +252,7 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 
 def prepare_case(case: Case) -> dict[str, Any]:
     """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
-    design = controller_design(case.controller, case.scenario)
+    design = ALL_CONTROLLERS.design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
     return {

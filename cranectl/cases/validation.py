@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare import Agreement
-from cranectl.controllers import controller_argument
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import LimitVerdict, all_metrics
 from cranectl.plants import PLANTS
 from cranectl.support import JUnitCase, Outcome, check_sum, difference_in, quantity, scaled
@@ -46,7 +46,7 @@ class Verdict(NamedTuple):
         parts = ["cranectl", "run", self.scenario]
         plants = (PLANTS.entry(name).argument for name in self.plants)
         if self.controller:
-            parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
+            parts += ["--controller", ALL_CONTROLLERS.argument(self.controller), "--drive", self.drive]
         return shlex.join([*parts, "--plants", ",".join(plants), *options])
 
 

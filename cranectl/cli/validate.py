@@ -111,7 +111,7 @@ def validate_command(
     from cranectl.cases.pairwise import pairwise as pairwise_of
     from cranectl.cases.validation import Validation, junit_cases
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.controllers import chosen_controllers
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.log import check_writable
     from cranectl.plants import DRIVES, PLANTS, Drive
     from cranectl.report.run.differences import pair_tables
@@ -124,7 +124,7 @@ def validate_command(
             scenarios, request.rig, map_file=map_file, sheets=sheets, tolerance=tolerance, junit=junit,
             report=report, screen=screen,
         )  # fmt: skip
-    names = chosen_controllers(controllers)
+    names = ALL_CONTROLLERS.chosen(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
     sources = Counter(_sources(scenarios) or scenario_names())

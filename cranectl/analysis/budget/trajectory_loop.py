@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers import Tracker, flat_design, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, Tracker, only_flat
 from cranectl.design import diagonal
 from cranectl.model import flat_output, linearising_input
 from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, PhysicsStep, Plant, next_states
@@ -249,6 +249,6 @@ class LinearisedRun:
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:
     """Run and linearise the sampled ideal of `scenario`: the analytic plant, ideal drives and no effects."""
-    design = flat_design(controller or scenario.controller.name, scenario)
+    design = ALL_CONTROLLERS.flat_design(controller or scenario.controller.name, scenario)
     run = simulate_run(replace_effects(scenario, NO_EFFECTS), plant="analytic", design=design)
     return LinearisedRun(run, linearise_run(run), assumed_effects(scenario))

@@ -28,8 +28,6 @@ UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_
 NAMES = (
     "check the names in [plant.names], and the gear of drives that move backwards; no crane may slew or luff"
 )
-
-
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 
 

@@ -19,7 +19,7 @@ from cranectl.analysis.certificate.operating_points import (
     tilt_angles,
 )
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, count_coordinates, set_state
 from cranectl.plants.plant import Drive
@@ -239,7 +239,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
             "effects.sensing.angle_noise=0.0",
         ]
     )
-    point, design = OperatingPoint(0.6), controller_design(controller, scenario)
+    point, design = OperatingPoint(0.6), ALL_CONTROLLERS.design(controller, scenario)
     loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
     inner = loop.inner_loop(scenario, point, "velocity")
     matrix = closed_loop(inner, loop.opening.axis.robustifier).a
