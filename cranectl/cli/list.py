@@ -120,9 +120,9 @@ def _limits() -> dict[str, Any]:
 
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a controller: a name, or a table of name and parameters."""
-    from cranectl.controllers import ALL_CONTROLLERS, controller_names
+    from cranectl.controllers import ALL_CONTROLLERS
 
-    name = {**table["properties"]["name"], "enum": list(controller_names())}
+    name = {**table["properties"]["name"], "enum": list(ALL_CONTROLLERS)}
     tables = {}
     for controller in ALL_CONTROLLERS.values():
         if controller.axis_design is not None:  # its numbers are in [design]

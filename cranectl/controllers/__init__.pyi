@@ -38,6 +38,5 @@ from .registry import controller_names as controller_names
 from .registry import is_reference as is_reference
 from .registry import only_flat as only_flat
 from .registry import register_controller as register_controller
-from .repeated import MEASURED_MOTION as MEASURED_MOTION
 from .repeated import repeated_commands as repeated_commands
 from .slots import Slots as Slots

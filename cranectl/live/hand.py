@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers import ALL_CONTROLLERS, controller_names
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import (
@@ -132,7 +132,7 @@ class HandReference:
             "reference": reference,
             "disturbances": (*self._scenario.disturbances, *ended),
         }
-        if controller in controller_names():
+        if controller in ALL_CONTROLLERS:
             update["controller"] = self._scenario.controller.model_copy(update={"name": controller})
         return self._scenario.model_copy(update=update)
 

@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cranectl.controllers import MEASURED_MOTION, repeated_commands
+from cranectl.controllers import repeated_commands
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
+from cranectl.measured.followed_motion import MEASURED_MOTION
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 from cranectl.signals import REFERENCE
