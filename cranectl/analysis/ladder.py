@@ -20,7 +20,7 @@ from cranectl.analysis.levels import (
 )
 from cranectl.controllers import ALL_CONTROLLERS, only_flat
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants import StepError, examine
+from cranectl.plants import StepError, examine, honoured_effects
 from cranectl.scenario import Scenario
 from cranectl.simulate import (
     MAX_BYTES,
@@ -146,7 +146,7 @@ def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenar
     """Return the level of the rig's model file, and its scenario with those effects that the file honours."""
     entry = examine(str(scenario.rig.model), scenario.rig)
     drive, effects = entry.drives[0], with_effects(scenario, added).effects
-    honoured, left_out = entry.honoured(effects, drive)
+    honoured, left_out = honoured_effects(entry, effects, drive)
     variant = replace_effects(scenario, honoured)
     make_plant(entry.name, variant, drive)
     own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""

@@ -148,9 +148,8 @@ def validate_command(
         for name in names
         for kind in _common_drives(scenario.rig, plants, drives)
     ]
-    chosen = (
-        PLANTS.in_order({plant for case in cases for plant in case.plants}) or plants or PLANTS.by_default
-    )
+    used = {plant for case in cases for plant in case.plants}
+    chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
     check_logs_differ(cases)
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     if cases:
@@ -233,14 +232,12 @@ def _is_rig_or_campaign(file: Path) -> bool:
     return "scenario" in keys or keys <= {*RigParameters.model_fields, "extends"}
 
 
-def _common_drives(
-    rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]
-) -> Sequence["Drive"]:
+def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]) -> list["Drive"]:
     """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
     from cranectl.plants import examine, plants_for
 
     entries = [examine(name, rig) for name in plants_for(rig, names)]
-    return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or drives[-1:]
+    return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or [*drives[-1:]]
 
 
 def _loaded(

@@ -16,8 +16,8 @@ def follow_motion(
     parameters: Array,
     measured: Array,
     reference: Array,
-    memory: Array,
-    command: Array,  # noqa: ARG001
+    memory: Array,  # noqa: ARG001
+    command: Array,
 ) -> int:
     """Compute accelerations that keep the axes on the positions, rates and accelerations of each row."""
     w = parameters[0]

@@ -12,6 +12,7 @@ from .analytic import observe_load as observe_load
 from .analytic import passive_accelerations as passive_accelerations
 from .capabilities import check_effects as check_effects
 from .capabilities import check_scenario as check_scenario
+from .capabilities import honoured_effects as honoured_effects
 from .differences import jacobian as jacobian
 from .elastic.plant import ElasticPlant as ElasticPlant
 from .model_files import MODEL_ENDING as MODEL_ENDING

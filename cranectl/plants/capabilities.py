@@ -4,7 +4,7 @@ from math import isclose
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS, PlantEntry, labels_of
-from cranectl.scenario import PARTS, WHOLE_EFFECTS, EffectSettings, Scenario, spread
+from cranectl.scenario import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, Scenario, spread
 from cranectl.support import InputError
 
 USE_VELOCITY = "take '--drive velocity'"
@@ -119,6 +119,26 @@ def _check_no_set_points(effects: EffectSettings, entry: PlantEntry, drive: Driv
             allowed="velocity drives, or values without effect",
             remedy=f"{USE_VELOCITY}; or set {settings}" if "velocity" in entry.drives else f"set {settings}",
         )
+
+
+def honoured_effects(
+    entry: PlantEntry, effects: EffectSettings, drive: Drive
+) -> tuple[EffectSettings, tuple[str, ...]]:
+    """Return `effects` without what a plant lacks or its drives do not take, and the names of that."""
+    update, left_out = dict[str, Effect | None](), []
+    for name in effects.names:
+        kind, effect = EFFECTS[name], getattr(effects, name)
+        idle = {part: own.none for part, own in kind.parts.items() if entry.why_lacking(f"{name}.{part}")}
+        if DRIVES[drive].command != "velocity":
+            idle |= kind.set_points
+        if entry.why_lacking(name) or idle.keys() == kind.model_fields.keys():
+            update[name] = None
+            left_out.append(name)
+        elif idle:
+            none = {part: spread(number, getattr(effect, part)) for part, number in idle.items()}
+            update[name] = effect.model_copy(update=none)
+            left_out += [f"{name}.{part}" for part in idle]
+    return effects.model_copy(update=update), tuple(left_out)
 
 
 def _capable(entry: PlantEntry, effect: str) -> tuple[str, str]:

@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.scenario import EFFECTS, PARTS, WHOLE_EFFECTS, Effect, EffectSettings, spread
+from cranectl.scenario import PARTS, WHOLE_EFFECTS
 from cranectl.support import (
     COLOURS,
     VIEWER,
@@ -154,23 +154,6 @@ class PlantEntry:
         if setting in PARTS:
             above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]
         return self.lack(setting) or self.lack(above)
-
-    def honoured(self, effects: EffectSettings, drive: Drive) -> tuple[EffectSettings, tuple[str, ...]]:
-        """Return `effects` without what the plant lacks or `drive` does not take, and the names of that."""
-        update, left_out = dict[str, Effect | None](), []
-        for name in effects.names:
-            kind, effect = EFFECTS[name], getattr(effects, name)
-            idle = {part: own.none for part, own in kind.parts.items() if self.why_lacking(f"{name}.{part}")}
-            if DRIVES[drive].command != "velocity":
-                idle |= kind.set_points
-            if self.why_lacking(name) or idle.keys() == kind.model_fields.keys():
-                update[name] = None
-                left_out.append(name)
-            elif idle:
-                none = {part: spread(number, getattr(effect, part)) for part, number in idle.items()}
-                update[name] = effect.model_copy(update=none)
-                left_out += [f"{name}.{part}" for part in idle]
-        return effects.model_copy(update=update), tuple(left_out)
 
     def lack(self, setting: str) -> str | None:
         """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
