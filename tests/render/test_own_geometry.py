@@ -75,8 +75,8 @@ def test_a_ghost_has_the_shape_of_its_rig(hall: Run) -> None:
     ghost = replace(hall, plant="mujoco")
     with renderer(timeline_of({"a": hall, "b": ghost}), "overview", WIDTH, HEIGHT) as pictures:
         (_, solid, _), (_, other, _) = pictures._tracks
-        assert solid.ngeom == 1 + len(SHAPES)
-        assert other.nmesh == 0
+        assert solid.model.ngeom == 1 + len(SHAPES)
+        assert other.model.nmesh == 0
 
 
 @pytest.mark.parametrize(
