@@ -25,7 +25,7 @@ from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import COMMANDS
-from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
@@ -200,7 +200,7 @@ def pictures() -> dict[str, str]:
 
 
 def _controller_section(name: str) -> str:
-    controller = load_controller(name)
+    controller = ALL_CONTROLLERS[name]
     rows = []
     for each in controller.parameters:
         bounds = {"minimum": each.lowest, "maximum": each.highest}

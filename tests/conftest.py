@@ -14,14 +14,13 @@ import pytest
 
 from cranectl.design import CONTROLLERS
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import forget_models
-from cranectl.plants.registry import default_plants
+from cranectl.plants import registry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import scenario_names
 from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent
-PLANTS = default_plants()  # plants that need extra packages have their own tests
+PLANTS = registry.PLANTS.by_default  # plants that need extra packages have their own tests
 PAIR = ("analytic", "mujoco")
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
@@ -66,7 +65,7 @@ def in_empty_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def no_model_afterwards() -> Iterator[None]:
     """Forget the model files that a test has named."""
     yield
-    forget_models()
+    registry.PLANTS.forget_model_files()
 
 
 def short_scenario() -> Scenario:

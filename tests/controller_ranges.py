@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from cranectl.controllers.controller import Controller
-from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.simulate import linearised_controller, simulate_run
 from cranectl.status import RunStatus
@@ -47,7 +47,7 @@ def check(case: Case) -> None:
     scenario = load_scenario("fixed-position", overrides=[*SHORT, changed])
     result = result_or_refusal(
         lambda: (
-            design := controller_design(name, scenario),
+            design := ALL_CONTROLLERS.design(name, scenario),
             linearised_controller(scenario, design),
             simulate_run(scenario, plant="analytic", drive="velocity", controller=name),
         )
@@ -60,6 +60,6 @@ def check(case: Case) -> None:
     for axis in linear:
         assert np.isfinite(axis.gain).all()
         assert np.linalg.eigvals(axis.a - axis.b @ axis.gain[np.newaxis]).real.max() < 0.0
-    assert load_controller(name).linearise is None or len(linear) == 3
+    assert ALL_CONTROLLERS[name].linearise is None or len(linear) == 3
     assert run.status in (RunStatus.COMPLETED, RunStatus.SLACK_ROPE, RunStatus.ANGLE_SINGULAR)
     assert np.isfinite(run.table).all()

@@ -12,7 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; 
 
 from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.planning import load_scenario
-from cranectl.plants.registry import default_plants
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import scenario_names
 from cranectl.simulate import simulate_run
 
@@ -42,7 +42,7 @@ def make_plans() -> None:
 
 def main() -> None:
     """Compile in parallel, after the loop that all plants share."""
-    first, *others = default_plants()
+    first, *others = PLANTS.by_default
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         report({"plans": pool.submit(make_plans), f"loop of {first}": pool.submit(compile_loops, first)})
         rest = {f"loop of {plant}": pool.submit(compile_loops, plant) for plant in others}

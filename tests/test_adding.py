@@ -140,7 +140,7 @@ BARE: Mapping[str, Mapping[str, str]] = {
 WITH_BARE = """
 import json
 import numpy as np
-from cranectl.plants.registry import default_plants
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import default_scenario
 from cranectl.simulate import make_plant
 
@@ -156,8 +156,8 @@ def final_rope_rate(name):
 run = ["run", "fixed-position", "--controller", "lqr", "--set", "duration=0.3", "--set", "disturbances=[]"]
 limits = ["--plants", "elastic,mujoco", "--set", "effects.limits={}", "--set", "rig.winch_time_constant=0.03"]
 results = {
-    "rope_rates": [final_rope_rate(name) for name in default_plants()],
-    "plants": len(default_plants()),
+    "rope_rates": [final_rope_rate(name) for name in PLANTS.by_default],
+    "plants": len(PLANTS.by_default),
     "run": call(*run, "--drive", "bare", "--out", "bare.mcap", "--json", "bare.json"),
     "limited": call(*run, *limits, "--drive", "bare", "--out", "limited.mcap"),
     "agreements": json.load(open("bare.json"))["agreements"],

@@ -21,11 +21,11 @@ from cranectl.campaign.manifest import differences, manifest_of, software_of
 from cranectl.compare.runs import differing_fields
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import controller_digests, load_controller, register_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
 from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
 from cranectl.plants.mujoco.own_model import open_model
-from cranectl.plants.registry import PLANTS, PlantEntry, plant_sources
+from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import toml_text
@@ -76,19 +76,19 @@ def opened(path: Path, symbol: str = "") -> str:
 
 
 def controller(folder: Path, value: str) -> object:
-    return controller_digests([opened(put(folder, "law.py", LAW, value), "law")])
+    return ALL_CONTROLLERS.digests([opened(put(folder, "law.py", LAW, value), "law")])
 
 
 def process(folder: Path, value: str) -> object:
     put(folder, "program.py", PROGRAM, value)
-    return controller_digests([opened(put(folder, "law.toml", TABLE, value))])
+    return ALL_CONTROLLERS.digests([opened(put(folder, "law.toml", TABLE, value))])
 
 
 def helper(folder: Path, value: str) -> object:
     """Return a command that the controller computes with the imported module."""
     name = opened(put(folder, "law.py", LAW.replace("VALUE", "command[0] = K; VALUE"), value), "law")
     command = np.zeros(3)
-    load_controller(name).step(np.zeros(1), np.zeros(12), np.zeros(15), np.zeros(9), command)
+    ALL_CONTROLLERS[name].step(np.zeros(1), np.zeros(12), np.zeros(15), np.zeros(9), command)
     return command.tolist()
 
 
@@ -103,13 +103,13 @@ def copied(folder: Path, value: str) -> object:
 
 def version(folder: Path, value: str) -> object:
     """Return the controller version with which a design runs, also if a newer file has the same name."""
-    design = load_controller(opened(put(folder, "law.py", LAW, value), "law")).designed({})
+    design = ALL_CONTROLLERS[opened(put(folder, "law.py", LAW, value), "law")].designed({})
     return design.origin
 
 
 def tuned(folder: Path, value: str) -> object:
     """Return the tuned parameters of the controller in the first folder, if they apply to this controller."""
-    loaded = load_controller(opened(put(folder, "law.py", LAW, value), "law"))
+    loaded = ALL_CONTROLLERS[opened(put(folder, "law.py", LAW, value), "law")]
     numbers = folder.parent / "law.toml"
     if not numbers.exists():
         facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
@@ -129,7 +129,7 @@ def make_importable(folder: Path, value: str, name: str) -> None:
 def plant(folder: Path, value: str) -> object:
     make_importable(folder, value, "own_plant")
     PLANTS["own"] = PlantEntry("own", "own", "series-1", "own_plant:Plant", 1)
-    return plant_sources(["own"])
+    return PLANTS.sources(["own"])
 
 
 def registered(folder: Path, value: str) -> object:

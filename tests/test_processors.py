@@ -59,7 +59,7 @@ from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.trials import DIVISIONS, campaign_of, trials_of
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.preparation import prepared
-from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.simulate import plan_reference
 from cranectl.simulate.runner import nominal_crane
 from cranectl.support.documents import leaves, read_toml
@@ -81,8 +81,8 @@ for division in DIVISIONS:
         if trial.plant != benchmark.plant:
             continue
         scenario = campaign_of(benchmark, trial, max_cranes=1, tuned=tuned).nominal
-        design = controller_design(trial.controller, scenario)
-        controller = controller_of(design)
+        design = ALL_CONTROLLERS.design(trial.controller, scenario)
+        controller = ALL_CONTROLLERS.of_design(design)
         crane = nominal_crane(scenario, design, controller, benchmark.drive, plan_reference(scenario))
         parameters, memory = prepared(controller, crane)
         path = hashlib.sha256(crane.reference.tobytes() + crane.state.tobytes()).hexdigest()

@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from cranectl.controllers import RUNNING, regularity
+from cranectl.controllers import regularity
 from cranectl.design import Design
 from cranectl.model import angular_accelerations, flat_output, linearising_input
-from cranectl.plants import STAGES, A, AnalyticPlant, B, observe_load, passive_accelerations
+from cranectl.plants import AnalyticPlant, observe_load, passive_accelerations
 from cranectl.reference import Trajectory, build_trajectory
 from cranectl.scenario import NANOSECONDS, EffectSettings, Scenario
 from cranectl.signals import (
@@ -36,8 +36,10 @@ from cranectl.simulate import MAX_BYTES, Plan, Run, check_several, plan_scenario
 from cranectl.status import RunStatus
 from cranectl.support import Array, jit_called
 
+STAGES = DOP853.n_stages  # of the Dormand-Prince method of order 8, with SciPy's coefficients
+A, B = np.ascontiguousarray(DOP853.A[:STAGES, :STAGES]), np.ascontiguousarray(DOP853.B)
 NODES: Array = np.ascontiguousarray(DOP853.C[:STAGES])  # of the stages, in steps
-SLACK_ROPE, COMPLETED = int(RunStatus.SLACK_ROPE), int(RunStatus.COMPLETED)
+RUNNING, SLACK_ROPE, COMPLETED = map(int, (RunStatus.RUNNING, RunStatus.SLACK_ROPE, RunStatus.COMPLETED))
 EXTENSION, ROBUSTIFIER = 10, 12  # places in the state
 MAX_STEP = 1e-3  # [s], longest step
 STIFFNESS = 2.0  # largest |pole| times step

@@ -18,9 +18,9 @@ from cranectl.analysis.levels import (
     replace_effects,
     with_effects,
 )
-from cranectl.controllers import controller_design, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, only_flat
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants import StepError, examine, without_lacking
+from cranectl.plants import StepError, examine, honoured_effects
 from cranectl.scenario import Scenario
 from cranectl.simulate import (
     MAX_BYTES,
@@ -100,7 +100,7 @@ def evaluate_levels(
     unknown level. Before any run, it also raises InputError for settings that a level does not allow.
     """
     InputError.check_known("fidelity level", [top], NAMES)
-    design = controller_design(controller or scenario.controller.name, scenario)
+    design = ALL_CONTROLLERS.design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
     check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)
     added = [name for name in names if name in EFFECT_LEVELS]
@@ -146,7 +146,7 @@ def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenar
     """Return the level of the rig's model file, and its scenario with those effects that the file honours."""
     entry = examine(str(scenario.rig.model), scenario.rig)
     drive, effects = entry.drives[0], with_effects(scenario, added).effects
-    honoured, left_out = without_lacking(effects, plant=entry.name, drive=drive)
+    honoured, left_out = honoured_effects(entry, effects, drive)
     variant = replace_effects(scenario, honoured)
     make_plant(entry.name, variant, drive)
     own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""

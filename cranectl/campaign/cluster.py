@@ -26,7 +26,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, open_models, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
-from cranectl.controllers import OPEN, SharedControllers, runs_alone
+from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import ControllerFile, open_again
 from cranectl.support import (
     HARMLESS,
@@ -89,7 +89,7 @@ def run_batches_on(
     """
     from distributed import as_completed
 
-    if runs_alone(campaign.settings.controllers):
+    if ALL_CONTROLLERS.run_alone(campaign.settings.controllers):
         raise InputError(
             "a controller at a network address serves one run at a time",
             allowed="controllers that each worker can start for itself",

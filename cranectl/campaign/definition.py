@@ -14,7 +14,7 @@ import numpy as np
 
 from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewValues, Normal
 from cranectl.campaign.settings import CampaignSettings
-from cranectl.plants import plant_entry
+from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
 from cranectl.support import (
     SHOWN_NEAR_NAMES,
@@ -115,7 +115,7 @@ def batches_of(campaign: Campaign) -> list[Batch]:
     return [
         Batch(plant, controller, first, min(first + size, runs))
         for plant, controller in campaign.groups
-        for size in [max(plant_entry(plant).batch, -(-runs // MAX_BATCHES))]
+        for size in [max(PLANTS.entry(plant).batch, -(-runs // MAX_BATCHES))]
         for first in range(0, runs, size)
     ]
 

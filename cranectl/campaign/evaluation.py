@@ -35,7 +35,7 @@ from cranectl.campaign.summary import (
     summarize,
 )
 from cranectl.metrics import low_is_bad
-from cranectl.plants import reference_plant
+from cranectl.plants import PLANTS
 from cranectl.support import Array, mapped
 
 LISTED_RUNS = 3  # runs listed for each plant and controller
@@ -192,7 +192,7 @@ class Analysis:
 def analyse(results: Results) -> Analysis:
     """Compute all results of a campaign; the same campaign gives the same numbers."""
     values, groups = parameter_values(results), groups_of(results)
-    reference = reference_plant(results.campaign.settings.plants)
+    reference = PLANTS.reference(results.campaign.settings.plants)
     excluded = {"analytic"} if has_lags(results.manifest) else set()  # its drives differ from other plants'
     pairs = []
     for a, b in itertools.combinations(groups, 2):

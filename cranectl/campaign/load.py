@@ -22,7 +22,7 @@ from cranectl.campaign.definition import (
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, CampaignSettings, read_campaign
-from cranectl.controllers import checked_controller
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.plants import check_scenario, examine, plant_named
 from cranectl.scenario import Scenario
@@ -71,7 +71,7 @@ def make_campaign(settings: CampaignSettings) -> Campaign:
 def unchecked_campaign(settings: CampaignSettings) -> Campaign:
     """Make the campaign of `settings` with all checks but those of `check_values`, which take longest."""
     for name in settings.controllers:
-        checked_controller(name)
+        ALL_CONTROLLERS.checked(name)
     nominal = _nominal_scenario(settings)
     if nominal.rig.model is not None and "plants" not in settings.model_fields_set:
         own = plant_named(nominal.rig.model)

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers import OPEN, UDP, controller_digests, controller_sources
+from cranectl.controllers import ALL_CONTROLLERS, OPEN, UDP
 from cranectl.loaders.opening import file_from
-from cranectl.plants import BATCH, PLANTS, PlantEntry, examine, model_plants, plant_sources
+from cranectl.plants import PLANTS, REFERENCE_PLANT, PlantEntry, examine
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
 from cranectl.support import HARMLESS, InputError, Table, documents, provenance, provenance_differences
 
@@ -39,7 +39,7 @@ class SoftwareOrigin(NamedTuple):
 
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
     """Return the versions of the installed software: cranectl, registered modules, controllers from files."""
-    own = plant_sources(plants) | controller_sources(controllers) | controller_digests(controllers)
+    own = PLANTS.sources(plants) | ALL_CONTROLLERS.sources(controllers) | ALL_CONTROLLERS.digests(controllers)
     return provenance() | own
 
 
@@ -79,7 +79,7 @@ def manifest_of(campaign: Campaign) -> Table:
         "versions": software_of(campaign.settings.plants, campaign.settings.controllers),
         "accepted": [],
     }
-    models = [entry for name, entry in model_plants().items() if name in campaign.settings.plants]
+    models = [entry for name, entry in PLANTS.model_files.items() if name in campaign.settings.plants]
     if models:
         table["models"] = {
             entry.name: {"file": entry.arguments["file"], **entry.declared} for entry in models
@@ -157,7 +157,7 @@ def open_models(manifest: Mapping[str, Any]) -> None:
         try:
             examine(declared["file"] if name not in PLANTS else name, rig)
         except InputError:
-            PLANTS.remember(PlantEntry.from_declared(name, declared, batch=BATCH))
+            PLANTS.remember(PlantEntry.from_declared(name, declared, batch=PLANTS[REFERENCE_PLANT].batch))
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:

@@ -15,7 +15,7 @@ from cranectl.campaign.summary import worst_first
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS, metric_values
 from cranectl.log import write_log
 from cranectl.metrics import run_metrics
-from cranectl.plants import plant_argument, plant_entry
+from cranectl.plants import PLANTS
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import InputError
@@ -97,10 +97,11 @@ def check_models(results: Results, rows: Sequence[int]) -> None:
     for row in rows:
         plant = results.row(row)["plant"]
         was = results.origins[results.made_by[row]].versions.get(f"model {plant}")
-        now = plant_entry(plant).digest
+        entry = PLANTS.entry(plant)
+        now = entry.digest
         if was and now and was != now:
             raise InputError(
-                f"the model file {plant_argument(plant)} has changed: its digest is {now}, that of the "
+                f"the model file {entry.argument} has changed: its digest is {now}, that of the "
                 f"result is {was}",
                 allowed="the file with which the campaign was run, or runs on other plants",
                 remedy="restore the file, or run the campaign again with --overwrite",

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics import Limits
-from cranectl.plants import REFERENCE_PLANT, Drive, plant_entry, plant_named
+from cranectl.plants import PLANTS, REFERENCE_PLANT, Drive, plant_named
 from cranectl.scenario import RuleError, Settings, override, rig_place
 from cranectl.support import MAX_RUNS, InputError, Shipped, leaves, read_toml
 
@@ -120,7 +120,7 @@ def parse_campaign(stated: Mapping[str, Any], source: str, overrides: Sequence[s
     settings = CampaignSettings.from_table(table, source, overrides=overrides, before=stated)
     plants = tuple(map(plant_named, settings.plants))
     for name in plants:
-        plant_entry(name).check_campaigns()
+        PLANTS.entry(name).check_campaigns()
     return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
 
 

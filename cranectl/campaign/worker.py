@@ -10,9 +10,9 @@ import numpy as np
 from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers import CompiledController, controller_design
+from cranectl.controllers import ALL_CONTROLLERS, CompiledController
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
-from cranectl.plants import Plant, check_scenario, substeps
+from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH
 from cranectl.simulate import (
@@ -59,7 +59,7 @@ class PreparedCampaign:
         self._lock = threading.Lock()
         check_planned(campaign.nominal, others=_cached_periods(campaign))
         with DESIGN_LOCK:
-            self._designs = {name: controller_design(name, campaign.nominal) for name in names}
+            self._designs = {name: ALL_CONTROLLERS.design(name, campaign.nominal) for name in names}
             for name in names:
                 self._controller(name, campaign.nominal)
 
@@ -181,7 +181,7 @@ class Worker:
     def _plant(self, name: str, scenario: Scenario) -> Plant:
         """Return a plant for `scenario`; reuse an earlier one with new parameters if possible."""
         drive = self._prepared.campaign.settings.drive
-        kind = name, scenario.period_ns, substeps(scenario, drive)
+        kind = name, scenario.period_ns, PhysicsStep(scenario, drive).per_period
         plant = self._plants.get(kind)
         if plant is not None:
             check_scenario(scenario, plant=name, drive=drive)

@@ -23,7 +23,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
-from cranectl.controllers import OPEN, SharedControllers, controller_digests, runs_alone
+from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.simulate import BLOCK_TIMEOUT
 from cranectl.support import (
@@ -96,7 +96,8 @@ def run_batches(
             started.append(thread_state.worker)
         return batch, thread_state.worker.run_batch(batch, must_stop)
 
-    count = 1 if runs_alone(campaign.settings.controllers) else max(1, min(workers, len(batches)))
+    alone = ALL_CONTROLLERS.run_alone(campaign.settings.controllers)
+    count = 1 if alone else max(1, min(workers, len(batches)))
     with Children() as own_children, ThreadPoolExecutor(count, thread_name_prefix="worker") as pool:
         try:
             # No variable refers to the list, so each result is freed when the caller no longer needs it.
@@ -113,7 +114,7 @@ def make_worker(
     prepared: PreparedCampaign, children: "Children", timeout: float = BLOCK_TIMEOUT
 ) -> "Worker | ChildWorker":
     """Make the worker of one thread; controllers from files run in a child, a block within `timeout` [s]."""
-    if not controller_digests(prepared.campaign.settings.controllers):
+    if not ALL_CONTROLLERS.digests(prepared.campaign.settings.controllers):
         return Worker(prepared)
     return ChildWorker(prepared, children, timeout)
 

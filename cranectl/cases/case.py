@@ -16,10 +16,10 @@ from cranectl.compare import (
     judge_steps,
     limits_for,
 )
-from cranectl.controllers import controller_design
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, check_writable, write_log
 from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
-from cranectl.plants import Drive, check_effects, examine, plant_entry, plants_for, reference_plant
+from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
@@ -97,7 +97,7 @@ def judged_limits(runs: Sequence[RunSummary]) -> list[tuple[RunSummary, LimitVer
     """
     if not runs:
         return []
-    reference = reference_plant(run.plant for run in runs)
+    reference = PLANTS.reference(run.plant for run in runs)
     judged: dict[str, tuple[RunSummary, LimitVerdict]] = {}
     for run in sorted(runs, key=lambda run: run.plant != reference):
         for limit in run.limits:
@@ -225,7 +225,7 @@ def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) ->
     lines = {}
     for plant in plants:
         try:
-            if drive in plant_entry(plant).drives:
+            if drive in PLANTS.entry(plant).drives:
                 check_effects(scenario.effects, plant=plant, drive=drive)
         except InputError as reason:
             lines[plant] = f"{scenario.name}: {plant} is left out: {reason.found}"
@@ -252,7 +252,7 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 
 def prepare_case(case: Case) -> dict[str, Any]:
     """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
-    design = controller_design(case.controller, case.scenario)
+    design = ALL_CONTROLLERS.design(case.controller, case.scenario)
     check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
     plan = plan_scenario(case.scenario)
     return {

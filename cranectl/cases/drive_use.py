@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.plants import DRIVES, lacking, plant_argument, plant_entry
+from cranectl.plants import DRIVES, PLANTS
 from cranectl.simulate import Run
 from cranectl.support import Array
 
@@ -77,8 +77,8 @@ def beyond_drives(run: Run) -> str:
         force = list(run.scenario.drive_limits.force)
         table = f"{{velocity={none}, acceleration={none}, force={force}}}"
     else:
-        table = f"{{force={none}}}" if lacking(plant_entry(run.plant), "limits.force") else "{}"
-    plant, limits = shlex.quote(plant_argument(run.plant)), shlex.quote(f"effects.limits={table}")
+        table = f"{{force={none}}}" if PLANTS.entry(run.plant).why_lacking("limits.force") else "{}"
+    plant, limits = shlex.quote(PLANTS.entry(run.plant).argument), shlex.quote(f"effects.limits={table}")
     return f"{text}, or see what comes of it with --drive {drive} --plants {plant} --set {limits}"
 
 
@@ -87,8 +87,8 @@ def _may_be_refused(run: Run, uses: list[DriveUse], drive: str) -> bool:
 
     Motions beyond the limits of speed are refused, and winches that cannot hold the load.
     """
-    entry, beyond = plant_entry(run.plant), [use for use in uses if use.share > 1.0]
-    if drive == "force" and lacking(entry, "limits.force"):
+    entry, beyond = PLANTS.entry(run.plant), [use for use in uses if use.share > 1.0]
+    if drive == "force" and entry.why_lacking("limits.force"):
         return True
     return drive not in entry.drives or any(
         use.unit == UNITS["velocity"] or (use.unit == UNITS["force"] and use.axis == AXES[-1])

@@ -10,7 +10,7 @@ import numpy as np
 from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
 from cranectl.compare import compare_runs, with_finer_steps
-from cranectl.plants import in_order, plant_entry
+from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
@@ -90,11 +90,11 @@ def pairwise(validation: Validation) -> Pairwise:
                 cases[plant, drive] = (size, case)
     drift: dict[str, float] = {}
     alone = []
-    for plant in in_order(plant for plant, _ in cases):
+    for plant in PLANTS.in_order(plant for plant, _ in cases):
         for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
             case = cases[plant, drive][1]
             if plant not in drift:
-                can_lock = "ideal" in plant_entry(plant).drives
+                can_lock = "ideal" in PLANTS.entry(plant).drives
                 drift[plant] = energy_drift(plant, case.scenario) if can_lock else nan
             steps = convergence(plant, case)
             alone.append(PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant]))

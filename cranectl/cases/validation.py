@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare import Agreement
-from cranectl.controllers import controller_argument
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import LimitVerdict, all_metrics
-from cranectl.plants import plant_argument, reference_plant
+from cranectl.plants import PLANTS
 from cranectl.support import JUnitCase, Outcome, check_sum, difference_in, quantity, scaled
 
-PLANTS = "plants"  # key of a difference between plants
+BETWEEN_PLANTS = "plants"  # key of a difference between plants
 
 
 class Verdict(NamedTuple):
@@ -44,15 +44,16 @@ class Verdict(NamedTuple):
     def command(self, options: Sequence[str]) -> str:
         """Return the command that runs this case alone, with `options` of the validation."""
         parts = ["cranectl", "run", self.scenario]
+        plants = (PLANTS.entry(name).argument for name in self.plants)
         if self.controller:
-            parts += ["--controller", controller_argument(self.controller), "--drive", self.drive]
-        return shlex.join([*parts, "--plants", ",".join(map(plant_argument, self.plants)), *options])
+            parts += ["--controller", ALL_CONTROLLERS.argument(self.controller), "--drive", self.drive]
+        return shlex.join([*parts, "--plants", ",".join(plants), *options])
 
 
 class JudgedValue(NamedTuple):
     """A value and its limit in the same unit, as text."""
 
-    key: str  # name of a metric, or PLANTS
+    key: str  # name of a metric, or BETWEEN_PLANTS
     name: str
     limit: str
     measured: str
@@ -223,7 +224,7 @@ def junit_cases(verdicts: Sequence[Verdict], options: Sequence[str]) -> list[JUn
 
 def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
     """Yield each limit once, as `judged_limits` does, and the largest difference of plants over its limit."""
-    reference = reference_plant(run.plant for run in result.runs)
+    reference = PLANTS.reference(run.plant for run in result.runs)
     for run, limit in judged_limits(result.runs):
         yield _judged_limit(limit, "" if run.plant == reference else run.plant)
     judged = [agreement for agreement in result.agreements if agreement.limit_m is not None]
@@ -257,7 +258,7 @@ def _judged_agreement(agreement: Agreement) -> JudgedValue:
     if agreement.passed is False and max(ratios) <= 1.0:
         plants = f"{agreement.plant} and {agreement.reference}"
         name = f"The runs on {plants} end in different ways, or at different times"
-        return JudgedValue(PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
+        return JudgedValue(BETWEEN_PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
     name = f"Difference of {quantities} between {agreement.plant} and {agreement.reference}"
     texts = quantity(limit or 0.0, unit), difference_in(value, unit)
-    return JudgedValue(PLANTS, name, *texts, agreement.passed is not False, max(ratios))
+    return JudgedValue(BETWEEN_PLANTS, name, *texts, agreement.passed is not False, max(ratios))

@@ -14,9 +14,9 @@ from multiprocessing.context import BaseContext
 from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, try_case
-from cranectl.controllers import OPEN, SharedControllers, runs_alone
+from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
-from cranectl.plants import PLANTS, PlantEntry, model_plants
+from cranectl.plants import PLANTS, PlantEntry
 from cranectl.support import (
     TRIES,
     Child,
@@ -53,7 +53,7 @@ def run_cases(cases: Sequence[Case], *, jobs: int, done: Done | None = None) -> 
     Ctrl-C, SIGTERM and SIGHUP end all workers after they have closed their logs. The results of their cases
     state the interrupt. A case that cannot run becomes a failure, and the others go on.
     """
-    jobs = 1 if runs_alone(case.controller for case in cases) else min(jobs, len(cases))
+    jobs = 1 if ALL_CONTROLLERS.run_alone(case.controller for case in cases) else min(jobs, len(cases))
     if jobs <= 1:
         return _run_in_order(cases, done)
     return _run_in_workers(cases, jobs, done)
@@ -140,7 +140,7 @@ class _Worker:
             self._child.end()
 
     def _start_child(self) -> Child:
-        arguments = OPEN.share(), _plant_modules(), model_plants()
+        arguments = OPEN.share(), _plant_modules(), PLANTS.model_files
         return spawn_child(_serve_cases, *arguments, context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:

@@ -50,12 +50,12 @@ def advise_command(
     cranectl advise fixed-position --set effects.delay.seconds=0.03 --set rig.bridge_time_constant=0.05
     """
     from cranectl.analysis.advice import IMPROVEMENTS, advise
-    from cranectl.controllers import flat_design
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.design import CONTROLLERS
     from cranectl.report.rig.tables import controllers_table, improvements_table, recommendation
 
     loaded = request.load()
-    chosen = [flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
+    chosen = [ALL_CONTROLLERS.flat_design(name, loaded).name for name in controllers] or list(CONTROLLERS)
     with progress_bar(len(chosen) + IMPROVEMENTS, loaded.name, done="assessed") as advance:
         advice = advise(loaded, chosen, progress=advance)
     screen.print(controllers_table(advice))

@@ -32,7 +32,7 @@ def measured_controllers(
     of ours, or `named` has the file and the benchmark is in the working directory. Raises InputError for an
     unknown name.
     """
-    from cranectl.controllers import checked_controller
+    from cranectl.controllers import ALL_CONTROLLERS
 
     folder = benchmark.file.parent
     is_ours = benchmark.file.resolve().is_relative_to(Shipped.BENCHMARKS.folder.resolve())
@@ -40,7 +40,7 @@ def measured_controllers(
     opened_names = []
     for name in named or benchmark.laws:
         if name not in benchmark.laws:
-            opened_names.append(checked_controller(opened(name)))
+            opened_names.append(ALL_CONTROLLERS.checked(opened(name)))
             continue
         if {".", ":"} & set(name) and not trust:
             raise InputError(

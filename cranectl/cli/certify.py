@@ -95,7 +95,7 @@ def certify_command(
     from cranectl.analysis.certificate.linear_plant import LINEAR, NOT_LINEAR, present
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
-    from cranectl.controllers import controller_design
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import Scaled
     from cranectl.simulate import checked_drive
@@ -106,7 +106,7 @@ def certify_command(
         request = request.having(f"effects.delay.seconds={delay!r}")
     loaded = request.load()
     checked = checked_drive(drive)
-    design = controller_design(controller, loaded)
+    design = ALL_CONTROLLERS.design(controller, loaded)
     flat = design.axis_design is not None
     shortest = loaded.rig.rope_range[0]
     size = loaded.rig.length_scale

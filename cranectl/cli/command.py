@@ -241,7 +241,7 @@ def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> 
     """Return `--plants`: names with commas, or all; no name means what the command documents.
 
     `check`: a method of plants' entries that raises InputError for those that `all` leaves out. `of_logs`:
-    names are as given, for `plants_of_logs`: a log tells of plants only when it is read.
+    names are as given, for `PLANTS.of_logs`: a log tells of plants only when it is read.
     """
     callback = names_given if of_logs else functools.partial(_plants, check=check)
     named: dict[str, Any] = {"metavar": "A,B|all", "multiple": True, "callback": callback}
@@ -256,10 +256,10 @@ def _plants(
     names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants import ALL, PLANTS, plants_named
+    from cranectl.plants import PLANTS, plants_named
 
     named, able = plants_named(names), []
-    if names not in ALL:
+    if names not in PLANTS.ALL:
         return named
     for name in named:
         try:

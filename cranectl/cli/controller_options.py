@@ -22,9 +22,9 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         if is_completing(context):
             return value
         if not value.strip():
-            from cranectl.controllers import checked_controller
+            from cranectl.controllers import ALL_CONTROLLERS
 
-            checked_controller(value)
+            ALL_CONTROLLERS.checked(value)
         return opened(value)
 
 

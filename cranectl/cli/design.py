@@ -88,7 +88,7 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
-    from cranectl.controllers import controller_design, load_controller, only_flat
+    from cranectl.controllers import ALL_CONTROLLERS, only_flat
     from cranectl.report.design import (
         controller_tables,
         design_figure,
@@ -101,7 +101,7 @@ def design_command(
     export = Export(**exporting)
     export.check(names, request)
     loaded = request.load() if export.is_asked else request.read()
-    designs = [controller_design(name, loaded) for name in dict.fromkeys(names)]
+    designs = [ALL_CONTROLLERS.design(name, loaded) for name in dict.fromkeys(names)]
     tell = functools.partial(
         print_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
     )
@@ -109,7 +109,7 @@ def design_command(
         controller = designs[0]
         screen.print_each(
             controller_tables(
-                controller, load_controller(controller.name), linearised_controller(loaded, controller)
+                controller, ALL_CONTROLLERS[controller.name], linearised_controller(loaded, controller)
             )
         )
         if export.is_asked:

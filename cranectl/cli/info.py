@@ -75,10 +75,10 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
 
 def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
-    from cranectl.plants import built_in, find_differences, open_model
+    from cranectl.plants import find_differences, open_model
 
     own = open_model(file, names)
-    numbers = {name: float(f"{number:g}") for name, number in built_in(own).items()}  # to be copied
+    numbers = {name: float(f"{number:g}") for name, number in own.built_in.items()}  # to be copied
     differences = find_differences(own)
     facts = [
         ("model", file),
@@ -160,7 +160,7 @@ def _print_plants(
     from cranectl.compare import against_reference, judge, worst_agreement
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
-    from cranectl.plants import describe_step
+    from cranectl.plants import PhysicsStep
     from cranectl.report.run.differences import settings_table
     from cranectl.support import difference_text, provenance, provenance_differences
 
@@ -180,7 +180,7 @@ def _print_plants(
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
-        *(("steps", describe_step(r.scenario, r.drive)) for r in run_list[:1] if r.has_reference),
+        *(("steps", str(PhysicsStep(r.scenario, r.drive))) for r in run_list[:1] if r.has_reference),
     ]
     for agreement in agreements:
         load, angle = map(difference_text, (agreement.max_load_error_m, agreement.max_angle_error_rad))

@@ -73,7 +73,7 @@ def ladder_command(
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.controllers import controller_design
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.log import Layer, check_recordable, check_writable, write_overlay
     from cranectl.report.rig.tables import ladder_table
     from cranectl.support import provenance
@@ -91,7 +91,7 @@ def ladder_command(
     name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     check_writable(log)
-    check_recordable(loaded, controller_design(name, loaded), LEVELS[-1].drive)
+    check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
     results = []
     with progress_bar(simulated_seconds(loaded, top)) as advance:
         for result in evaluate_levels(loaded, name, top=top, progress=advance):

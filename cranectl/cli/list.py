@@ -49,14 +49,14 @@ def list_command(screen: Screen) -> None:
     cranectl list --json -
     cranectl list --schema scenario > scenario.json
     """
-    from cranectl.controllers import described_controllers
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.plants import DRIVES, PLANTS
     from cranectl.scenario import read_scenario, rig_names, scenario_names
 
     scenarios = [read_scenario(name) for name in scenario_names()]
     rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
-    controllers = [(name, origin, title) for name, (origin, title) in described_controllers().items()]
+    controllers = [(name, origin, title) for name, (origin, title) in ALL_CONTROLLERS.described().items()]
     rows = tuple(cells(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
     registries = {"rigs": rig_names(), "plants": [*PLANTS], "drives": [*DRIVES]}
@@ -120,11 +120,11 @@ def _limits() -> dict[str, Any]:
 
 def _controller(table: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a controller: a name, or a table of name and parameters."""
-    from cranectl.controllers import controller_names, load_controller
+    from cranectl.controllers import ALL_CONTROLLERS
 
-    name = {**table["properties"]["name"], "enum": list(controller_names())}
+    name = {**table["properties"]["name"], "enum": list(ALL_CONTROLLERS)}
     tables = {}
-    for controller in map(load_controller, controller_names()):
+    for controller in ALL_CONTROLLERS.values():
         if controller.axis_design is not None:  # its numbers are in [design]
             continue
         tables[controller.name] = {

@@ -67,7 +67,7 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases.case import LOG_DIRECTORY, default_log
-    from cranectl.controllers import OPEN, controller_design, controller_names
+    from cranectl.controllers import ALL_CONTROLLERS, OPEN
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, report_warnings
@@ -79,7 +79,7 @@ def live_command(
     from cranectl.simulate import checked_drive
 
     loaded = request.load()
-    design = controller_design(controller or loaded.controller.name, loaded)
+    design = ALL_CONTROLLERS.design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = plants_for(loaded.rig, plants)
     if layout:
@@ -92,9 +92,7 @@ def live_command(
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
     requested = record or log.with_stem(f"{log.stem}-live")
-    choices = [
-        (plant, session.drive, name) for plant in plants for name in {design.name, *controller_names()}
-    ]
+    choices = [(plant, session.drive, name) for plant in plants for name in {design.name, *ALL_CONTROLLERS}]
     print_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them
     with (
         _until_ended() as stop,

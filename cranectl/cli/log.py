@@ -91,13 +91,13 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
     from cranectl.log import is_overlay, read_layers
-    from cranectl.plants import plants_of_logs
+    from cranectl.plants import PLANTS
     from cranectl.report.viewer_layouts import layout_json
 
     layers = read_layers(log) if log else {}
     rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
     labels = tuple(layers) if is_overlay(layers) else ()
-    plants = plants_of_logs(plants, () if labels else layers)
+    plants = PLANTS.of_logs(plants, () if labels else layers)
     if layers and not labels:
         plants = plants or tuple(layers)
     design = next(iter(layers.values())).run.design if layers else None

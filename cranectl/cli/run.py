@@ -127,9 +127,9 @@ def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
 
 def _layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     """Return the arguments of `cranectl log layout` for a log of `plants`."""
-    from cranectl.plants import default_plants
+    from cranectl.plants import PLANTS
     from cranectl.scenario import Drawing
 
     name = "single" if len(plants) == 1 else "comparison"
-    is_usual = Drawing(rig).is_as_filed and plants == default_plants()
+    is_usual = Drawing(rig).is_as_filed and plants == PLANTS.by_default
     return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")

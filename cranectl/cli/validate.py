@@ -23,9 +23,10 @@ if TYPE_CHECKING:
     from cranectl.cases.pairwise import Pairwise
     from cranectl.cases.validation import Validation
     from cranectl.compare import Agreement
+    from cranectl.plants import Drive
     from cranectl.report.page import Page
     from cranectl.report.table import Table
-    from cranectl.scenario import Scenario
+    from cranectl.scenario import RigParameters, Scenario
 
 SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
@@ -110,9 +111,9 @@ def validate_command(
     from cranectl.cases.pairwise import pairwise as pairwise_of
     from cranectl.cases.validation import Validation, junit_cases
     from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.controllers import chosen_controllers
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.log import check_writable
-    from cranectl.plants import DRIVES, Drive, common_drives, default_plants, in_order
+    from cranectl.plants import DRIVES, PLANTS, Drive
     from cranectl.report.run.differences import pair_tables
     from cranectl.scenario import scenario_names
     from cranectl.simulate import BLOCK_TIMEOUT, checked_drive
@@ -123,7 +124,7 @@ def validate_command(
             scenarios, request.rig, map_file=map_file, sheets=sheets, tolerance=tolerance, junit=junit,
             report=report, screen=screen,
         )  # fmt: skip
-    names = chosen_controllers(controllers)
+    names = ALL_CONTROLLERS.chosen(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (checked_drive(drive),)
     sources = Counter(_sources(scenarios) or scenario_names())
@@ -145,9 +146,10 @@ def validate_command(
         )
         for source, scenario in loaded.items()
         for name in names
-        for kind in common_drives(scenario.rig, plants, drives)
+        for kind in _common_drives(scenario.rig, plants, drives)
     ]
-    chosen = in_order({plant for case in cases for plant in case.plants}) or plants or default_plants()
+    used = {plant for case in cases for plant in case.plants}
+    chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
     check_logs_differ(cases)
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     if cases:
@@ -228,6 +230,14 @@ def _is_rig_or_campaign(file: Path) -> bool:
     except InputError:  # told when it is loaded
         return False
     return "scenario" in keys or keys <= {*RigParameters.model_fields, "extends"}
+
+
+def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]) -> list["Drive"]:
+    """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
+    from cranectl.plants import examine, plants_for
+
+    entries = [examine(name, rig) for name in plants_for(rig, names)]
+    return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or [*drives[-1:]]
 
 
 def _loaded(

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
-from cranectl.plants import DRIVES, Drive, plant_entry, reference_plant, substeps
+from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
@@ -64,7 +64,7 @@ EARLIER_DRIVES = NoLimits(
 def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
     """Return the limits of each plant's difference from the reference plant among `plants`."""
     plants = list(plants)
-    reference = reference_plant(plants)
+    reference = PLANTS.reference(plants)
     return {
         (plant, reference): pair_limits(scenario, drive, (plant, reference))
         for plant in plants
@@ -74,11 +74,11 @@ def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairL
 
 def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> AgreementLimits | NoLimits:
     """Return the limits of two plants in closed loop, or the reason why there are none."""
-    without_servos = [plant for plant in pair if DRIVES[drive].is_servo and not plant_entry(plant).servos]
+    without_servos = [plant for plant in pair if DRIVES[drive].is_servo and not PLANTS.entry(plant).servos]
     if without_servos:
-        label = plant_entry(without_servos[0]).label
+        label = PLANTS.entry(without_servos[0]).label
         return NoLimits(f"velocity drives of the {label} plant do not feel the load, unlike those of others")
-    for entry in map(plant_entry, pair):
+    for entry in map(PLANTS.entry, pair):
         if entry.differs:
             return NoLimits(f"the {entry.label} plant is another crane: {entry.differs}")
     by_effect, limits = _closed_loop()["effects"], agreement_limits(drive)
@@ -179,7 +179,7 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
 
     The reference plant is chosen among `plants`, by default those of `runs`.
     """
-    reference = reference_plant(plants or [run.plant for run in runs])
+    reference = PLANTS.reference(plants or [run.plant for run in runs])
     return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
 
 
@@ -229,7 +229,7 @@ def judge(
 def all_pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
     """Pair every run with every other; the reference plant comes second."""
     pairs = itertools.combinations(runs, 2)
-    reference = reference_plant(run.plant for run in runs)
+    reference = PLANTS.reference(run.plant for run in runs)
     return [(b, a) if a.plant == reference else (a, b) for a, b in pairs]
 
 
@@ -283,7 +283,7 @@ def judge_steps(
 
 def with_finer_steps(scenario: Scenario, drive: Drive, times: int) -> Scenario | None:
     """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
-    step_ns, rest = divmod(scenario.period_ns, substeps(scenario, drive) * times)
+    step_ns, rest = divmod(scenario.period_ns, PhysicsStep(scenario, drive).per_period * times)
     if rest or step_ns < MIN_STEP_NS:
         return None
     control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants import PLANTS, in_order
+from cranectl.plants import PLANTS
 from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
@@ -230,7 +230,7 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
             allowed="runs of the same scenario, controller and drive, logged at the same rate",
             remedy="run one of them again",
         )
-    order = in_order((a.plant, b.plant))
+    order = PLANTS.in_order((a.plant, b.plant))
     first, second = sorted((a, b), key=lambda run: order.index(run.plant))
     return first, second
 

@@ -39,7 +39,7 @@ CONTROLLER_FAILED = int(RunStatus.CONTROLLER_FAILED)
 class CompiledController(NamedTuple):
     """A controller in the form that the loop runs: its constants, then its memories."""
 
-    address: int  # of its step; 0 until `bind_address` sets it
+    address: int  # of its step; 0 until `bound` sets it
     parameters: Array
     reference: Array  # (N + preview, 15); after its end the last row is repeated
     samples: int  # N
@@ -58,6 +58,22 @@ class CompiledController(NamedTuple):
     slack_place: int  # index of the memory that says whether the rope is slack; -1: no step while it is
     records_all: bool  # whether `places` has all signals that are recorded of the controller
     outside: bool  # whether it comes from a file, and might write to arrays other than memory and command
+
+    def bound(self) -> "CompiledController":
+        """Return the controller with the address of its step in this process."""
+        if self.address:
+            return self
+        entry, sizes = OPEN.entries[self.entry]
+        with environment_kept():
+            address = entry(sizes, self.parameters)
+        return self._replace(address=keeping_environment(address))
+
+    def with_own_memory(self) -> "CompiledController":
+        """Return the controller with new work arrays; one from outside also gets copies of its constants."""
+        own = _memories()
+        if self.outside:
+            own |= {"parameters": self.parameters.copy(), "reference": self.reference.copy()}
+        return self._replace(**own)
 
 
 def compile_controller(controller: Controller, nominal: Nominal, recorded: int) -> CompiledController:
@@ -94,16 +110,6 @@ def compile_controller(controller: Controller, nominal: Nominal, recorded: int) 
     return compiled
 
 
-def bind_address(compiled: CompiledController) -> CompiledController:
-    """Return the controller with the address of its step in this process."""
-    if compiled.address:
-        return compiled
-    entry, sizes = OPEN.entries[compiled.entry]
-    with environment_kept():
-        address = entry(sizes, compiled.parameters)
-    return compiled._replace(address=keeping_environment(address))
-
-
 def _compiled(controller: Controller) -> int:
     """Return the address of the compiled step; raise InputError with Numba's reason if that fails."""
     try:
@@ -116,15 +122,6 @@ def _compiled(controller: Controller) -> int:
             remedy=f"correct {where}",
         ) from error
     return address if controller.origin is None else keeping_environment(address)
-
-
-def with_own_memory(compiled: CompiledController) -> CompiledController:
-    """Return the controller with new work arrays; one from outside also gets copies of its constants."""
-    if compiled.outside:
-        compiled = compiled._replace(
-            parameters=compiled.parameters.copy(), reference=compiled.reference.copy()
-        )
-    return compiled._replace(**_memories())
 
 
 def _memories() -> dict[str, Any]:

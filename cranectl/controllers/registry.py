@@ -2,7 +2,7 @@
 
 import functools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from cranectl.controllers.open_controllers import OPEN
@@ -33,6 +33,131 @@ ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with con
 FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
 
 
+@functools.cache
+def _added() -> dict[str, "Controller"]:
+    """Return the controllers of other packages."""
+    from cranectl.controllers.controller import Controller
+
+    return Extensions.CONTROLLERS.join({}, Controller, taken=(*FLAT_FAMILY, *WHERE))
+
+
+def _registered(names: Iterable[str]) -> list["Controller"]:
+    return [OPEN.registered[name] for name in names if name in OPEN.registered]
+
+
+class Controllers(Mapping[str, "Controller"]):
+    """All controllers by name: the flat family, then the others. Each is loaded when it is looked up."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered))
+
+    def __len__(self) -> int:
+        return len(tuple(iter(self)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in tuple(iter(self))
+
+    def __getitem__(self, name: str) -> "Controller":
+        if name in FLAT_FAMILY:
+            from cranectl.controllers.flat import FLAT_CONTROLLERS
+
+            return FLAT_CONTROLLERS[name]
+        if name not in WHERE:
+            return {**_added(), **OPEN.registered}[name]
+        controller: Controller = loaded(WHERE[name])
+        return controller
+
+    def checked(self, name: str) -> str:
+        """Return `name` if it names a controller; else raise an InputError that lists the known names."""
+        if name in self:
+            return name
+        if is_reference(name):
+            raise InputError(
+                f"the controller is the file '{name}', and neither scenario nor campaign runs code by itself",
+                allowed=f"a file named on the command line, or {', '.join(self)}",
+                remedy="if you know what is in it, add --trust, or name it: --controller PATH",
+            )
+        raise InputError.unknown(
+            "controller",
+            name,
+            self,
+            remedy="choose one of the controllers listed above, or name the file of a controller, "
+            "law.py:NAME",
+        )
+
+    def chosen(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the chosen names of controllers; no names mean the flat family, `all` means all."""
+        selected = dict.fromkeys(names)
+        if "all" in selected:
+            return tuple(self)
+        return tuple(map(self.checked, selected)) or FLAT_FAMILY
+
+    def design(self, name: str, scenario: Scenario) -> ControllerDesign:
+        """Return `name` with the settings of `scenario`; raise InputError for bad names and settings."""
+        self.checked(name)
+        names = [other for other in self if other not in FLAT_FAMILY]
+        InputError.check_known("controller", scenario.controller.parameters, names)
+        controller = self[name]
+        if controller.axis_design is not None:
+            return controller.axis_design(scenario.design)
+        stated = scenario.controller.parameters.get(name, {})
+        return controller.designed(stated, scenario.rig.design_scale)
+
+    def flat_design(self, name: str, scenario: Scenario) -> Design:
+        """Return the design `name` of the flat family; raise InputError for any other controller."""
+        if is_reference(name):
+            raise _no_linear_design(name)
+        return only_flat(self.design(name, scenario))
+
+    def of_design(self, design: ControllerDesign) -> "Controller":
+        """Return the controller that runs `design`; from a file, the version with the same content.
+
+        All designs of the flat family run the same code, also one whose gains were set by hand.
+        """
+        if design.axis_design is not None:
+            return self[FLAT_FAMILY[0]]
+        origin = design.origin
+        version = OPEN.versions.get((design.name, origin.sha256)) if origin else None
+        return version or self[design.name]
+
+    def described(self) -> dict[str, tuple[str, str]]:
+        """Return the origin and a one-line description of each controller, by name."""
+        described = {}
+        origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **Extensions.CONTROLLERS.packages()}
+        for name, controller in self.items():
+            described[name] = (
+                controller.origin.reference if controller.origin else origins.get(name, "this process"),
+                controller.title,
+            )
+        return described
+
+    def argument(self, name: str) -> str:
+        """Return the argument of `--controller` for a controller: its file as it was named, or its name."""
+        origin = OPEN.registered[name].origin if name in OPEN.registered else None
+        return origin.reference if origin else name
+
+    def digests(self, names: Iterable[str]) -> dict[str, str]:
+        """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
+        return {
+            f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
+            for controller in _registered(names)
+            if controller.code
+        }
+
+    def sources(self, names: Iterable[str]) -> dict[str, str]:
+        """Return source digests of those of `names` that a module has registered in this process."""
+        own = [controller for controller in _registered(names) if not controller.origin]
+        functions = [function for controller in own for function in (controller.step, controller.prepare)]
+        return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
+
+    def run_alone(self, names: Iterable[str]) -> bool:
+        """Return True if any of these controllers can serve only one run at a time."""
+        return any(controller.alone for controller in _registered(names))
+
+
+ALL_CONTROLLERS = Controllers()
+
+
 def register_controller(controller: "Controller") -> None:
     """Make a controller known to this process.
 
@@ -53,13 +178,8 @@ def register_controller(controller: "Controller") -> None:
     checked("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
-    check_free("controller", controller.name, controller_names())
+    check_free("controller", controller.name, ALL_CONTROLLERS)
     OPEN.registered[controller.name] = controller
-
-
-def is_reference(text: str) -> bool:
-    """Return True if `text` names a controller in a file, rather than one by its name."""
-    return text.startswith(UDP) or FILE.fullmatch(text) is not None
 
 
 def controller_names() -> tuple[str, ...]:
@@ -75,128 +195,12 @@ def controller_names() -> tuple[str, ...]:
     InputError
         If a controller of an installed package cannot be loaded.
     """
-    return (*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered)
+    return tuple(ALL_CONTROLLERS)
 
 
-@functools.cache
-def _added() -> dict[str, "Controller"]:
-    """Return the controllers of other packages."""
-    from cranectl.controllers.controller import Controller
-
-    return Extensions.CONTROLLERS.join({}, Controller, taken=(*FLAT_FAMILY, *WHERE))
-
-
-def described_controllers() -> dict[str, tuple[str, str]]:
-    """Return the origin and a one-line description of each controller, by name."""
-    described = {}
-    origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **Extensions.CONTROLLERS.packages()}
-    for name in controller_names():
-        controller = load_controller(name)
-        described[name] = (
-            controller.origin.reference if controller.origin else origins.get(name, "this process"),
-            controller.title,
-        )
-    return described
-
-
-def checked_controller(name: str) -> str:
-    """Return `name` if it names a controller; else raise an InputError that lists the known names."""
-    if name in controller_names():
-        return name
-    if is_reference(name):
-        raise InputError(
-            f"the controller is the file '{name}', and neither scenario nor campaign runs code by itself",
-            allowed=f"a file named on the command line, or {', '.join(controller_names())}",
-            remedy="if you know what is in it, add --trust, or name it: --controller PATH",
-        )
-    raise InputError.unknown(
-        "controller",
-        name,
-        controller_names(),
-        remedy="choose one of the controllers listed above, or name the file of a controller, law.py:NAME",
-    )
-
-
-def chosen_controllers(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the chosen names of controllers; no names mean the flat family, `all` means all."""
-    selected = dict.fromkeys(names)
-    if "all" in selected:
-        return controller_names()
-    return tuple(map(checked_controller, selected)) or FLAT_FAMILY
-
-
-def load_controller(name: str) -> "Controller":
-    """Return the controller of a known `name`."""
-    if name in FLAT_FAMILY:
-        from cranectl.controllers.flat import FLAT_CONTROLLERS
-
-        return FLAT_CONTROLLERS[name]
-    if name not in WHERE:
-        return {**_added(), **OPEN.registered}[name]
-    controller: Controller = loaded(WHERE[name])
-    return controller
-
-
-def controller_of(design: ControllerDesign) -> "Controller":
-    """Return the controller that runs `design`; from a file, the version with the same content.
-
-    All designs of the flat family run the same code, also one whose gains were set by hand.
-    """
-    if design.axis_design is not None:
-        return load_controller(FLAT_FAMILY[0])
-    origin = design.origin
-    version = OPEN.versions.get((design.name, origin.sha256)) if origin else None
-    return version or load_controller(design.name)
-
-
-def controller_argument(name: str) -> str:
-    """Return the argument of `--controller` for a controller: its file as it was named, or its name."""
-    origin = OPEN.registered[name].origin if name in OPEN.registered else None
-    return origin.reference if origin else name
-
-
-def controller_digests(names: Iterable[str]) -> dict[str, str]:
-    """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
-    return {
-        f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
-        for controller in _registered(names)
-        if controller.code
-    }
-
-
-def controller_sources(names: Iterable[str]) -> dict[str, str]:
-    """Return source digests of those of `names` that a module has registered in this process."""
-    own = [controller for controller in _registered(names) if not controller.origin]
-    functions = [function for controller in own for function in (controller.step, controller.prepare)]
-    return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
-
-
-def runs_alone(names: Iterable[str]) -> bool:
-    """Return True if any of these controllers can serve only one run at a time."""
-    return any(controller.alone for controller in _registered(names))
-
-
-def _registered(names: Iterable[str]) -> list["Controller"]:
-    return [OPEN.registered[name] for name in names if name in OPEN.registered]
-
-
-def controller_design(name: str, scenario: Scenario) -> ControllerDesign:
-    """Return `name` with the settings of `scenario`; raise InputError for unknown names and bad settings."""
-    checked_controller(name)
-    names = [other for other in controller_names() if other not in FLAT_FAMILY]
-    InputError.check_known("controller", scenario.controller.parameters, names)
-    controller = load_controller(name)
-    if controller.axis_design is not None:
-        return controller.axis_design(scenario.design)
-    stated = scenario.controller.parameters.get(name, {})
-    return controller.designed(stated, scenario.rig.design_scale)
-
-
-def flat_design(name: str, scenario: Scenario) -> Design:
-    """Return the design `name` of the flat family; raise InputError for any other controller."""
-    if is_reference(name):
-        raise _no_linear_design(name)
-    return only_flat(controller_design(name, scenario))
+def is_reference(text: str) -> bool:
+    """Return True if `text` names a controller in a file, rather than one by its name."""
+    return text.startswith(UDP) or FILE.fullmatch(text) is not None
 
 
 def only_flat(design: ControllerDesign) -> Design:

@@ -5,14 +5,14 @@ from cranectl.export.fmu import Model, filled
 from cranectl.export.inference import check_compiler
 from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
-from cranectl.plants import ADVANCE, DRIVES, MEASURE, Drive, plant_entry, plant_object
+from cranectl.plants import ADVANCE, DRIVES, MEASURE, PLANTS, Drive, plant_object
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import AXES, DISTURBANCE, LOAD, LOAD_FORCE, STATE, TENSION, SignalGroup, command_group
 from cranectl.simulate import checked_drive, commands_at_start, make_plant, plan_scenario
 from cranectl.status import RunStatus
 from cranectl.support import Array, InputError
 
-PLANTS = ("analytic", "elastic")  # whose code needs no engine
+EXPORTED_PLANTS = ("analytic", "elastic")  # whose code needs no engine
 DRIVEN = ("bridge", "trolley", "rope")
 WORDS_PER_LINE = 5
 
@@ -22,11 +22,11 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
 
     Raises InputError if the plant cannot be exported, or cannot show the scenario.
     """
-    if plant not in PLANTS:
+    if plant not in EXPORTED_PLANTS:
         raise InputError(
             f"the {plant} plant as an FMU",
-            allowed=f"{' or '.join(PLANTS)}, which need no engine",
-            remedy=f"take '--plants {PLANTS[0]}'",
+            allowed=f"{' or '.join(EXPORTED_PLANTS)}, which need no engine",
+            remedy=f"take '--plants {EXPORTED_PLANTS[0]}'",
         )
     check_compiler()
     kind, plan = checked_drive(drive), plan_scenario(scenario)
@@ -40,7 +40,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         variable.name: Traced(variable.start, f"values[{first + k}]") for k, variable in enumerate(parameters)
     }
     memory, expressions = numbers.memory({}), numbers.expressions(traced)
-    title = f"{plant_entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
+    title = f"{PLANTS.entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
     words = [f"0x{word:x}," for word in memory.words]
     rows = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
     air = [f"values[{len(inputs) - len(AXES) + k}]" for k in range(len(AXES))]  # the last inputs

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
-from cranectl.plants import Drive, Plant, plant_entry, substeps
+from cranectl.plants import PLANTS, Drive, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, Scenario, Settings
 from cranectl.signals import STATE
 from cranectl.support import Array, array_words, block_leaves
@@ -35,7 +35,7 @@ class PlantNumbers:
     def __init__(self, scenario: Scenario, plant: str, drive: Drive, start: Array) -> None:
         """Prepare the plant of `scenario` that starts at the state `start` (10,)."""
         self.scenario, self.drive, self.start = scenario, drive, start
-        self.make_plant = plant_entry(plant).load()
+        self.make_plant = PLANTS.entry(plant).load()
         effects = scenario.effects
         groups = [
             ("rig", scenario.rig),
@@ -49,7 +49,7 @@ class PlantNumbers:
 
     def plant(self, numbers: Mapping[str, Any]) -> Plant:
         """Return the plant made with other numbers of rig and effects."""
-        effects, steps = self.scenario.effects, substeps(self.scenario, self.drive)
+        effects, steps = self.scenario.effects, PhysicsStep(self.scenario, self.drive).per_period
         parts = {
             name: _replaced(getattr(effects, name), f"effects.{name}", numbers) for name in effects.names
         }

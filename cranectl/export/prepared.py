@@ -4,13 +4,7 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 
-from cranectl.controllers import (
-    CompiledController,
-    Controller,
-    called_by_address,
-    controller_design,
-    controller_of,
-)
+from cranectl.controllers import ALL_CONTROLLERS, CompiledController, Controller, called_by_address
 from cranectl.design import ControllerDesign
 from cranectl.export.sample import ControlSample, control_sample_of
 from cranectl.export.unit import Unit
@@ -92,8 +86,8 @@ def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> E
     InputError
         If the controller is not in Python that Numba compiles, or cannot be prepared for the scenario.
     """
-    design = controller_design(name, scenario)
-    controller = controller_of(design)
+    design = ALL_CONTROLLERS.design(name, scenario)
+    controller = ALL_CONTROLLERS.of_design(design)
     if controller.entry is not None:
         file = controller.origin.reference if controller.origin else name
         is_python = controller.step is not called_by_address

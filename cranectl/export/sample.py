@@ -16,10 +16,8 @@ from numba.core.types import CPointer, float64
 from numba.extending import intrinsic
 
 from cranectl.controllers import (
-    CONTROLLER_FAILED,
     EXPECTED,
     JOINTS,
-    RUNNING,
     CompiledController,
     Controller,
     Observer,
@@ -42,9 +40,11 @@ from cranectl.simulate import (
     take_forces,
     take_set_points,
 )
+from cranectl.status import RunStatus
 from cranectl.support import Array, CompiledStep
 
 _POINTER: Any = CPointer
+RUNNING, CONTROLLER_FAILED = int(RunStatus.RUNNING), int(RunStatus.CONTROLLER_FAILED)
 STATE_SIZE = 2 * JOINTS
 NUMBERS = Slots(
     observer=len(Observer._fields), lag=3, time_constant=3, period=1, velocity_limit=3, change_limit=3,

@@ -12,7 +12,7 @@ from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import open_again
-from cranectl.plants import PLANTS, Drive, model_plants, plants_to_run
+from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, plan_scenario
 from cranectl.status import RunStatus
@@ -38,7 +38,7 @@ class ChildSession:
         self.scenario, self.design, self.drive = scenario, design, drive
         self.plan = plan_scenario(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
-        self._names, self._timeout = plants_to_run(plants), BLOCK_TIMEOUT
+        self._names, self._timeout = PLANTS.to_run(plants), BLOCK_TIMEOUT
         self._child: Child | None = None
         self._runs = self._start()
         if not self._runs:
@@ -106,7 +106,7 @@ class ChildSession:
 
     def _start(self) -> list[Run]:
         """Start the child process and return runs without rows, or an empty list if the process has ended."""
-        settings = (self.scenario, self.design, self._names, model_plants(), self.drive, self.origin_ns)
+        settings = (self.scenario, self.design, self._names, PLANTS.model_files, self.drive, self.origin_ns)
         self._child = spawn_child(_serve_requests, OPEN.share(), settings)
         return (
             self._ask("advance", 0, timeout=inf) or []

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cranectl.controllers import controller_design, load_controller
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import ControllerDesign, with_gain
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
@@ -199,7 +199,7 @@ class Controls:
         controller, design = self._values["controller"], self._design
         if changes.get("controller", controller) != controller:
             controller = str(changes["controller"])
-            design = controller_design(controller, self._scenario)
+            design = ALL_CONTROLLERS.design(controller, self._scenario)
         before = tunable_values(design)
         values = {name: value for name, value in changes.items() if name != "controller"}
         InputError.check_known("parameter", values, before)
@@ -244,6 +244,6 @@ def _with_values(design: ControllerDesign, values: Mapping[str, Any]) -> Control
     axis = design.axis_design
     if axis is None:
         stated = {name.partition(".")[2]: value for name, value in values.items()}
-        return load_controller(design.name).designed(stated)
+        return ALL_CONTROLLERS[design.name].designed(stated)
     gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in values.items()])
     return with_gain(axis, gain) if (gain != axis.gain).any() else axis

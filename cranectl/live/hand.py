@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers import controller_names, controller_of
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import (
@@ -121,14 +121,14 @@ class HandReference:
             "reference": reference,
             "disturbances": (*self._scenario.disturbances, *ended),
         }
-        if controller in controller_names():
+        if controller in ALL_CONTROLLERS:
             update["controller"] = self._scenario.controller.model_copy(update={"name": controller})
         return self._scenario.model_copy(update=update)
 
 
 def check_can_be_driven(design: ControllerDesign) -> None:
     """Raise InputError for a controller that must know the reference in advance."""
-    controller = controller_of(design)
+    controller = ALL_CONTROLLERS.of_design(design)
     if controller.preview or controller.follows != "path":
         raise InputError(
             f"{design.name} needs the reference in advance, and cannot be driven by hand",

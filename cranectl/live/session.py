@@ -10,10 +10,10 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers import MEMORY, bind_address, with_own_memory
+from cranectl.controllers import MEMORY
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
-from cranectl.plants import Drive, air_velocity, plants_to_run
+from cranectl.plants import PLANTS, Drive, air_velocity
 from cranectl.scenario import NANOSECONDS, Disturbance, Scenario
 from cranectl.signals import Z
 from cranectl.simulate import (
@@ -64,7 +64,7 @@ class Session(TakesTurns):
         self._air_velocity = air_velocity(scenario.effects, 1 if still else samples, period)
         sensing = scenario.effects.sensing
         self._encoders = make_encoders(sensing, samples) if sensing else None
-        self._plants = [make_plant(name, scenario, drive) for name in plants_to_run(plants)]
+        self._plants = [make_plant(name, scenario, drive) for name in PLANTS.to_run(plants)]
         self._start()
 
     @property
@@ -110,7 +110,7 @@ class Session(TakesTurns):
         self._compiled = compiled
         before, self.design = self.design, design
         for state in self._states:
-            own, memory = bind_address(with_own_memory(compiled)), compiled.start.copy()
+            own, memory = compiled.with_own_memory().bound(), compiled.start.copy()
             own.clock[0] = self._samples
             if carried_over := _carried_over_size(before, design, state.run.memory):
                 memory[:carried_over] = state.run.memory[:carried_over]

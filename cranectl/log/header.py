@@ -17,7 +17,7 @@ from cranectl.design import ControllerDesign
 from cranectl.log import topics
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
-from cranectl.plants import PLANTS, Drive, PlantEntry, plant_entry
+from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
@@ -227,7 +227,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
         },
         "versions": provenance(),
     }
-    for entry in (plant_entry(run.plant) for run in runs):
+    for entry in (PLANTS.entry(run.plant) for run in runs):
         if not entry.is_own:  # so that the log can be read where its package is not installed
             records[f"plant/{entry.name}"] = entry.declared
     return records | {f"run/{run.plant}": outcome_metadata(Outcome.of(run)) for run in runs}

@@ -33,7 +33,7 @@ from cranectl.log.reader import read_runs
 from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, write_container
 from cranectl.mcap_columns import DamageError
-from cranectl.plants import PLANTS, plants_of_logs, reference_plant
+from cranectl.plants import PLANTS
 from cranectl.signals import REFERENCE
 from cranectl.simulate import Run
 from cranectl.support import VIEWER_SERIES, InputError, LogError
@@ -100,10 +100,10 @@ def gather_layers(
     """
     named: list[tuple[str, str, Layer]] = []  # label in the overlay or nothing, stem of the file, run
     read = [read_layers(path) for path in paths]
-    plants = plants_of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
+    plants = PLANTS.of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
     for path, layers in zip(paths, read, strict=True):
         overlaid = is_overlay(layers)
-        selected = layers if overlaid else plants or (reference_plant(layers),)
+        selected = layers if overlaid else plants or (PLANTS.reference(layers),)
         named += [(name if overlaid else "", path.stem, layers[name]) for name in selected if name in layers]
     chosen = [layer for _, _, layer in named]
     if not labels:

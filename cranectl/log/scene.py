@@ -17,7 +17,7 @@ from cranectl.log import topics
 from cranectl.log.events import disturbance_times
 from cranectl.log.topics import Stream
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.plants import plant_entry, reference_plant
+from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Drawing, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
 from cranectl.simulate import Run, disturbances_at
@@ -83,7 +83,7 @@ def can_be_drawn(run: Run) -> bool:
 def opacities(plants: Sequence[str]) -> dict[str, float]:
     """Return the opacity of each crane: 1 for the reference plant; all others together have GHOST."""
     ghost = 1.0 - (1.0 - GHOST) ** (1.0 / max(len(plants) - 1, 1))
-    return {plant: 1.0 if plant == reference_plant(plants) else ghost for plant in plants}
+    return {plant: 1.0 if plant == PLANTS.reference(plants) else ghost for plant in plants}
 
 
 def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stream:
@@ -125,7 +125,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
     from cranectl.plants import rig_solids  # here: reading a log does not need MuJoCo
 
     ghost = opacity < 1.0
-    tint = rgb(colour or VIEWER[plant_entry(plant).colour]) if ghost else None
+    tint = rgb(colour or VIEWER[PLANTS.entry(plant).colour]) if ghost else None
     inset = 2.0 * GHOST_INSET * Drawing(rig).scale if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
     for solid in rig_solids(rig):
@@ -179,7 +179,7 @@ def trail(
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows precede the first message.
     """
     points = _points(load.tolist())
-    shade = rgb(colour or VIEWER[plant_entry(plant).colour])
+    shade = rgb(colour or VIEWER[PLANTS.entry(plant).colour])
     width = TRAIL_WIDTH if opacity == 1.0 else GHOST_TRAIL_WIDTH
     fading = [_colour(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     shown = []

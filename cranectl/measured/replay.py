@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cranectl.controllers import MEASURED_MOTION, repeated_commands
+from cranectl.controllers import repeated_commands
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
-from cranectl.plants import DRIVES, Drive, longest_agreeing_step
+from cranectl.measured.followed_motion import MEASURED_MOTION
+from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 from cranectl.signals import REFERENCE
 from cranectl.simulate import Plan, Run, prepare_repetition, simulate_run
@@ -131,7 +132,7 @@ def with_longer_steps(scenario: Scenario, drive: Drive) -> Scenario:
     effects, control = scenario.effects, scenario.control
     if effects.rope or effects.body or effects.frame:
         return scenario
-    longest = LONGER_STEPS * longest_agreeing_step(scenario.rig, drive)
+    longest = LONGER_STEPS * PhysicsStep(scenario, drive).longest
     step = max(longest_step(control.period, min(longest, control.period)), control.physics_step or 0.0)
     return scenario.model_copy(update={"control": control.model_copy(update={"physics_step": step})})
 

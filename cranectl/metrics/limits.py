@@ -10,7 +10,7 @@ from pydantic import Field, create_model
 
 from cranectl.metrics.summary import RunMetrics, metric_course
 from cranectl.metrics.table import all_metrics, low_is_bad
-from cranectl.plants import plant_entry
+from cranectl.plants import PLANTS
 from cranectl.scenario import Scenario, Settings
 from cranectl.simulate import Run
 
@@ -91,7 +91,7 @@ def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, 
     shared = {name: value for name, value in scenario.limits.stated.items() if name not in tables}
     stated = {"": given_limits(shared, f"{scenario.name}, [limits]")}
     for plant, table in tables.items():
-        plant_entry(plant)  # raises InputError if it is unknown
+        PLANTS.entry(plant)  # raises InputError if it is unknown
         own = given_limits(table, f"{scenario.name}, [limits.{plant}]")
         stated[plant] = {**stated[""], **own}
     return {plant: stated.get(plant, stated[""]) for plant in plants}

@@ -6,17 +6,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.model import (
-    AxisMasses,
     angular_accelerations,
-    axis_masses,
     forced_accelerations,
     rope_direction,
     rope_direction_rate,
     specific_rope_force,
 )
+from cranectl.plants.analytic_rig import AnalyticRig, make_rig
 from cranectl.plants.dop853 import STAGES, A, B
-from cranectl.plants.plant import DRIVES, Drive, Kernels, Triple
-from cranectl.plants.surroundings import FORCE, STICTION_RATE, air_drag, gravity_in_rig
+from cranectl.plants.plant import DRIVES, Drive, Kernels
+from cranectl.plants.surroundings import FORCE, STICTION_RATE
 from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.signals import (
     ALPHA,
@@ -35,45 +34,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.support import Array, jit
-
-
-class PassiveForces(NamedTuple):
-    """Forces that no drive makes: drag, gravity along sloping rails, and friction of the cardan joint.
-
-    A rig without them has None, for which no code is compiled. A branch at run time would make a run take
-    half as long again, since each stage of the integrator would count references to the arrays it reads.
-    """
-
-    drag: float  # force over the square of the load's speed through the air [kg/m]
-    pivot_viscous: float  # [N m s/rad]
-    pivot_coulomb: float  # [N m]
-    tilt: Triple  # weight of the load minus its weight on level rails [N]
-
-
-class AxisDrives(NamedTuple):
-    """Drives with the force gain · command - damping · rate - holding force; ideal drives have None.
-
-    Velocity drives are servos. Their gain and damping are the driven mass over the time constant, and their
-    winch holds the nominal weight of the load. Force drives have a gain of 1 and zeros otherwise.
-    """
-
-    masses: AxisMasses
-    slope: tuple[float, float]  # weight of bridge with trolley along x, of the trolley along y [N]
-    gain: Triple
-    damping: Triple  # [N s/m]
-    holding_force: float  # of the winch [N]
-
-
-class AnalyticRig(NamedTuple):
-    """Constants of the compiled analytic plant."""
-
-    gravity: float
-    load_mass: float
-    passive: PassiveForces | None
-    drives: AxisDrives | None
-    substeps: int
-    step: float  # [s]
+from cranectl.support import Array, jit, jit_called
 
 
 @jit
@@ -229,11 +190,31 @@ def no_warnings(_):
     return 0
 
 
+@jit_called
+def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
+    """Write an RK4 step from each state minus the next state into `defect` (N - 1, >= 10)."""
+    rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
+    step = rig.step
+    for k in range(len(defect)):
+        state[:] = states[k]
+        for _ in range(rig.substeps):
+            for stage in range(4):
+                reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                for i in range(10):
+                    work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
+                derivative(rig, work, commands[k], disturbances[k], winds[k], rates[stage])
+            for i in range(10):
+                increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
+                state[i] += step / 6.0 * increment
+        for i in range(10):
+            defect[k, i] = state[i] - states[k + 1, i]
+
+
 class AnalyticPlant:
     """The Lagrange model behind the plant interface."""
 
     name = "analytic"
-    kernels = Kernels(measure_joints, advance, no_warnings)
+    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)
     description = "cranectl.model.dynamics, fixed-step DOP853"
 
     def __init__(
@@ -248,13 +229,13 @@ class AnalyticPlant:
         self.drive = drive
         if DRIVES[drive].is_servo:
             self.description = f"{self.description}, velocity servos"
-        self.rig = _analytic_rig(rig, drive, effects, substeps=substeps, step=step)
+        self.rig = make_rig(rig, drive, effects, substeps=substeps, step=step)
         self.state = np.zeros(10)
         self.stages, self.stage_state = np.zeros((STAGES, 10)), np.zeros(10)
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
         substeps, step = self.rig.substeps, self.rig.step
-        self.rig = _analytic_rig(rig, self.drive, effects, substeps=substeps, step=step)
+        self.rig = make_rig(rig, self.drive, effects, substeps=substeps, step=step)
         return True
 
     def check_length(self, length: float) -> None:
@@ -273,42 +254,19 @@ class AnalyticPlant:
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         advance(self.handle, command, disturbance, wind, load)
 
+    def write_runge_kutta_defect(
+        self, states: Array, commands: Array, disturbances: Array, *, winds: Array, defect: Array
+    ) -> None:
+        """Write a step of the classical Runge-Kutta scheme from each state, minus the next, into `defect`.
+
+        Parameters
+        ----------
+        states, commands, disturbances, winds : Array
+            States (N, 10), and what acts on them, each with at least N - 1 rows; ideal drives.
+        defect : Array
+            Result (N - 1, 10 or more).
+        """
+        runge_kutta_defect(self.rig, states, commands, disturbances, winds, defect)
+
     def warnings(self) -> int:
         return 0
-
-
-def _analytic_rig(
-    rig: RigParameters, drive: Drive, effects: EffectSettings, *, substeps: int, step: float
-) -> AnalyticRig:
-    return AnalyticRig(
-        gravity=rig.gravity,
-        load_mass=rig.load_mass,
-        passive=_passive_forces(rig, effects),
-        drives=None if DRIVES[drive].is_prescribed else _axis_drives(rig, drive, effects),
-        substeps=substeps,
-        step=step,
-    )
-
-
-def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> AxisDrives:
-    masses, (gain, damping, load_force) = axis_masses(rig), DRIVES[drive].push(rig, effects)
-    along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
-    return AxisDrives(
-        masses,
-        slope=(masses.bridge * along_x, masses.trolley * along_y),
-        gain=gain,
-        damping=damping,
-        holding_force=load_force[2],
-    )
-
-
-def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForces | None:
-    friction = effects.friction
-    along_x, along_y, along_z = gravity_in_rig(rig.gravity, effects)
-    forces = PassiveForces(
-        drag=air_drag(effects),
-        pivot_viscous=friction.pivot_viscous if friction else 0.0,
-        pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
-        tilt=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
-    )
-    return forces if effects.wind or any((*forces[:3], *forces.tilt)) else None

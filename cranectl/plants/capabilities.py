@@ -2,9 +2,8 @@
 
 from math import isclose
 
-from cranectl.plants.model_files import plant_argument
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PARTS, PLANTS, WHOLE_EFFECTS, PlantEntry, labels_of, plant_entry
+from cranectl.plants.registry import PARTS, PLANTS, WHOLE_EFFECTS, PlantEntry, labels_of
 from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.support import InputError
 
@@ -20,10 +19,10 @@ def check_scenario(scenario: Scenario, *, plant: str, drive: Drive) -> None:
     differ from those built into the plant.
     """
     check_effects(scenario.effects, plant=plant, drive=drive)
-    entry = plant_entry(plant)
+    entry = PLANTS.entry(plant)
     joints = any(step.joint is not None for step in scenario.disturbances)
     for name, acting in (("disturbances", joints), ("disturbances.force", scenario.forced)):
-        if acting and (reason := lacking(entry, name)):
+        if acting and (reason := entry.why_lacking(name)):
             capable, remedy = _capable(entry, name)
             what = "forces among the disturbances" if name == "disturbances.force" else name
             raise InputError(
@@ -57,7 +56,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
     acceleration and the dead zone need set-points, which only velocity drives have. Friction of the axes and
     limits of force need velocity or force drives, and a plant that shows them.
     """
-    entry = plant_entry(plant)
+    entry = PLANTS.entry(plant)
     if drive not in entry.drives:
         raise InputError(
             f"{drive} drives on the {entry.label} plant",
@@ -74,7 +73,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
     if kind.command != "velocity":
         _check_no_set_points(effects, entry, drive)
     for name in WHOLE_EFFECTS:
-        if getattr(effects, name) is not None and (reason := lacking(entry, name)):
+        if getattr(effects, name) is not None and (reason := entry.why_lacking(name)):
             capable, remedy = _capable(entry, name)
             raise InputError(
                 f"[effects.{name}] on the {entry.label} plant, {reason}",
@@ -88,7 +87,7 @@ def check_effects(effects: EffectSettings, *, plant: str, drive: Drive) -> None:
             continue
         none = getattr(own.with_numbers({setting: part.none}), setting)
         setting = f"effects.{name} = {list(none) if isinstance(none, tuple) else none}"
-        if reason := lacking(entry, name):
+        if reason := entry.why_lacking(name):
             capable, remedy = _capable(entry, name)
             raise InputError(
                 f"effects.{name} on the {entry.label} plant, {reason}",
@@ -122,17 +121,17 @@ def _check_no_set_points(effects: EffectSettings, entry: PlantEntry, drive: Driv
         )
 
 
-def without_lacking(
-    effects: EffectSettings, *, plant: str, drive: Drive
+def honoured_effects(
+    entry: PlantEntry, effects: EffectSettings, drive: Drive
 ) -> tuple[EffectSettings, tuple[str, ...]]:
     """Return `effects` without what a plant lacks or its drives do not take, and the names of that."""
-    entry, update, left_out = plant_entry(plant), dict[str, object](), []
+    update, left_out = dict[str, object](), []
     for name in effects.names:
         kind, effect = EFFECTS[name], getattr(effects, name)
-        idle = {part: own.none for part, own in kind.parts.items() if lacking(entry, f"{name}.{part}")}
+        idle = {part: own.none for part, own in kind.parts.items() if entry.why_lacking(f"{name}.{part}")}
         if DRIVES[drive].command != "velocity":
             idle |= kind.set_points
-        if lacking(entry, name) or idle.keys() == kind.model_fields.keys():
+        if entry.why_lacking(name) or idle.keys() == kind.model_fields.keys():
             update[name] = None
             left_out.append(name)
         elif idle:
@@ -143,16 +142,8 @@ def without_lacking(
 
 def _capable(entry: PlantEntry, effect: str) -> tuple[str, str]:
     """Return the labels of the plants that show `effect`, and the remedy for `entry`, which does not."""
-    able = [other for other in PLANTS.values() if not lacking(other, effect)]
-    names = ",".join(plant_argument(other.name) for other in able if not other.package)
+    able = [other for other in PLANTS.values() if not other.why_lacking(effect)]
+    names = ",".join(other.argument for other in able if not other.package)
     if "file" in entry.arguments:
         return labels_of(able), f"leave the effect out, or take '--plants {names}' in place of the model"
     return labels_of(able), f"take '--plants {names}', or leave the effect out"
-
-
-def lacking(entry: PlantEntry, setting: str) -> str | None:
-    """Return why a plant does not honour a setting, or None if it does."""
-    above = "disturbances" if setting == "disturbances.force" else ""
-    if setting in PARTS:
-        above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]
-    return entry.lack(setting) or entry.lack(above)

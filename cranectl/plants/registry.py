@@ -5,7 +5,8 @@ Another package adds a plant in one of two ways. It declares a `PlantEntry` as a
 """
 
 import functools
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, MutableMapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import Any
@@ -43,6 +44,7 @@ BUILT_IN = (
     "trolley_time_constant", "winch_time_constant",
 )  # fmt: skip
 REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
+OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"  # the class of plants from model files
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,17 @@ class PlantEntry:
         return self.where.startswith("cranectl.") and not self.arguments
 
     @property
+    def is_model_file(self) -> bool:
+        """Whether the plant is a user's model file."""
+        return self.where == OWN_PLANT
+
+    @property
+    def argument(self) -> str:
+        """The value of `--plants` that means the plant: its name, or the path of its model file."""
+        file = self.arguments.get("file")
+        return self.name if file is None else os.path.relpath(file)
+
+    @property
     def declared(self) -> dict[str, str]:
         """What a log or a result states of the plant, so that it can be read where the plant is not."""
         stated = {"label": self.label, "colour": self.colour, "servos": str(self.servos).lower()}
@@ -139,6 +152,13 @@ class PlantEntry:
             by_default=False,
             differs=declared.get("differs", ""),
         )
+
+    def why_lacking(self, setting: str) -> str | None:
+        """Return why the plant does not honour a setting, or the effect that it is part of, or None."""
+        above = "disturbances" if setting == "disturbances.force" else ""
+        if setting in PARTS:
+            above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]
+        return self.lack(setting) or self.lack(above)
 
     def lack(self, setting: str) -> str | None:
         """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
@@ -196,6 +216,8 @@ class Plants(MutableMapping[str, PlantEntry]):
     out, since they cannot be run.
     """
 
+    ALL = (("all",), ("both",))  # values that stand for every plant; "both" dates from when there were two
+
     def __init__(self, *own: PlantEntry) -> None:
         self._entries = {entry.name: entry for entry in own}
         self._logged: dict[str, PlantEntry] = {}
@@ -222,9 +244,62 @@ class Plants(MutableMapping[str, PlantEntry]):
         if entry.name not in self:
             self._logged[entry.name] = entry
 
-    def ordered(self, names: Collection[str]) -> tuple[str, ...]:
-        """Return the known names among `names`, in the order of a log; those known only from logs last."""
-        return tuple(name for name in (*self, *self._logged) if name in names)
+    def entry(self, name: str) -> PlantEntry:
+        """Return the entry of the plant `name`; an InputError lists the known ones, nearest first."""
+        InputError.check_known("plant", [name], self)
+        return self[name]
+
+    def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return plants in the order of a log; raise InputError for an unknown one."""
+        chosen = {self.entry(name).name for name in names}
+        return tuple(name for name in (*self, *self._logged) if name in chosen)  # those of logs last
+
+    @property
+    def by_default(self) -> tuple[str, ...]:
+        """The plants that a command runs if none are named."""
+        return tuple(name for name, entry in self.items() if entry.by_default)
+
+    def to_run(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Return the plants to run, in order; raise InputError for one that is unknown or not installed."""
+        chosen = self.in_order(names) or self.by_default
+        for name in chosen:
+            self[name].check_installed()
+        return chosen
+
+    def of_logs(self, names: Sequence[str], logged: Iterable[str]) -> tuple[str, ...]:
+        """Return the plants that a user names for logs; `all` means those in `logged`, else all known ones.
+
+        Raises InputError for a plant that neither this process nor a log knows.
+        """
+        if tuple(names) in self.ALL:
+            return self.in_order(logged) or tuple(self)
+        return tuple(self.entry(name).name for name in names)
+
+    def reference(self, names: Iterable[str]) -> str:
+        """Return the plant that the others are compared with: REFERENCE_PLANT, else the last one."""
+        ordered = self.in_order(names)
+        return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
+
+    def shown(self, names: Iterable[str]) -> str:
+        """Return the plant whose numbers and picture come first: a user's own, else the reference plant."""
+        ordered = self.in_order(names)
+        return next((name for name in ordered if not self[name].is_own), self.reference(ordered))
+
+    def sources(self, names: Iterable[str]) -> dict[str, str]:
+        """Return the digests of plants from other packages and from model files, as `provenance` has them."""
+        entries = [self[name] for name in names if name in self]
+        models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
+        return source_digests({entry.where.partition(":")[0] for entry in entries}) | models
+
+    @property
+    def model_files(self) -> dict[str, PlantEntry]:
+        """The plants from model files that this process knows."""
+        return {name: entry for name, entry in self.items() if entry.is_model_file}
+
+    def forget_model_files(self) -> None:
+        """Remove the plants from model files."""
+        for name in self.model_files:
+            del self[name]
 
     def __setitem__(self, name: str, entry: PlantEntry) -> None:
         self._known()[name] = entry
@@ -273,14 +348,6 @@ PLANTS = Plants(
 )
 
 
-ALL = (("all",), ("both",))  # values that stand for every plant; "both" dates from when there were two
-
-
-def default_plants() -> tuple[str, ...]:
-    """Return the plants that a command runs if none are named."""
-    return tuple(name for name, entry in PLANTS.items() if entry.by_default)
-
-
 @checks_arguments
 def register_plant(entry: PlantEntry) -> None:
     """Make a plant known to this process.
@@ -299,54 +366,6 @@ def register_plant(entry: PlantEntry) -> None:
     """
     check_free("plant", entry.name, PLANTS)
     PLANTS[entry.name] = entry
-
-
-def plant_sources(names: Iterable[str]) -> dict[str, str]:
-    """Return the digests of plants from other packages and from model files, as `provenance` has them."""
-    entries = [PLANTS[name] for name in names if name in PLANTS]
-    models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
-    return source_digests({entry.where.partition(":")[0] for entry in entries}) | models
-
-
-def plant_entry(name: str) -> PlantEntry:
-    """Return the entry of the plant `name`; an InputError lists the known ones, nearest first."""
-    InputError.check_known("plant", [name], PLANTS)
-    return PLANTS[name]
-
-
-def in_order(names: Iterable[str]) -> tuple[str, ...]:
-    """Return plants in the order of a log; raise InputError for an unknown one."""
-    return PLANTS.ordered({plant_entry(name).name for name in names})
-
-
-def plants_to_run(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the plants to run, in order; raise InputError for one that is unknown or not installed."""
-    chosen = in_order(names) or default_plants()
-    for name in chosen:
-        PLANTS[name].check_installed()
-    return chosen
-
-
-def plants_of_logs(names: Sequence[str], logged: Iterable[str]) -> tuple[str, ...]:
-    """Return the plants that a user names for logs; `all` means those in `logged`, or else all known ones.
-
-    Raises InputError for a plant that neither this process nor a log knows.
-    """
-    if tuple(names) in ALL:
-        return in_order(logged) or tuple(PLANTS)
-    return tuple(plant_entry(name).name for name in names)
-
-
-def reference_plant(names: Iterable[str]) -> str:
-    """Return the plant that the others are compared with: REFERENCE_PLANT, else the last one."""
-    ordered = in_order(names)
-    return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
-
-
-def shown_plant(names: Iterable[str]) -> str:
-    """Return the plant whose numbers and picture come first: a user's own, else the reference plant."""
-    ordered = in_order(names)
-    return next((name for name in ordered if not PLANTS[name].is_own), reference_plant(ordered))
 
 
 def labels_of(entries: Iterable[PlantEntry]) -> str:

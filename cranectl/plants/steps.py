@@ -8,6 +8,7 @@ condition. Within it, no difference was above half of the limit (tests/plants/te
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario import RigParameters, Scenario, longest_step, nanoseconds
@@ -33,40 +34,48 @@ def longest_agreeing_step(rig: RigParameters, drive: Drive) -> float:
     return float(fastest / (STEPS_PER_TIME * size**SIZE_POWER))
 
 
-def physics_step(scenario: Scenario, drive: Drive) -> float:
-    """Return the physics step [s] of a run: what the scenario states, or else the default for its crane."""
-    stated = scenario.control.physics_step
-    if stated is not None:
-        return stated
-    return scenario.control.default_step(longest_agreeing_step(scenario.rig, drive))
+class PhysicsStep(NamedTuple):
+    """The physics step of a run of `scenario` with `drive`."""
 
+    scenario: Scenario
+    drive: Drive
 
-def substeps(scenario: Scenario, drive: Drive) -> int:
-    """Return the number of physics steps in a control period."""
-    return scenario.period_ns // nanoseconds(physics_step(scenario, drive))
+    @property
+    def longest(self) -> float:
+        """Longest step [s] with which all plants agree; see `longest_agreeing_step`."""
+        return longest_agreeing_step(self.scenario.rig, self.drive)
 
+    @property
+    def seconds(self) -> float:
+        """The step [s] that the scenario states, or else the default for its crane."""
+        control = self.scenario.control
+        return control.default_step(self.longest) if control.physics_step is None else control.physics_step
 
-def with_step(scenario: Scenario, drive: Drive) -> Scenario:
-    """Return `scenario` with the physics step of its run stated, as records and logs have it."""
-    if scenario.control.physics_step is not None:
-        return scenario
-    control = scenario.control.model_copy(update={"physics_step": physics_step(scenario, drive)})
-    return scenario.model_copy(update={"control": control})
+    @property
+    def per_period(self) -> int:
+        """Number of physics steps in a control period."""
+        return self.scenario.period_ns // nanoseconds(self.seconds)
 
+    @property
+    def is_short_enough(self) -> bool:
+        """Whether the step keeps the condition under which all plants agree."""
+        return self.seconds <= self.longest * (1.0 + self.scenario.control.STEP_ROUNDING)
 
-def is_short_enough(scenario: Scenario, drive: Drive) -> bool:
-    """Return True if the physics step keeps the condition under which all plants agree."""
-    allowed = longest_agreeing_step(scenario.rig, drive) * (1.0 + scenario.control.STEP_ROUNDING)
-    return physics_step(scenario, drive) <= allowed
+    def stated(self) -> Scenario:
+        """Return the scenario with this step stated, as records and logs have it."""
+        if self.scenario.control.physics_step is not None:
+            return self.scenario
+        control = self.scenario.control.model_copy(update={"physics_step": self.seconds})
+        return self.scenario.model_copy(update={"control": control})
 
-
-def describe_step(scenario: Scenario, drive: Drive) -> str:
-    """Return the physics step of a run in words, and whether all plants agree with it on a rigid crane."""
-    longest = longest_agreeing_step(scenario.rig, drive) * (1.0 + scenario.control.STEP_ROUNDING)
-    fits = longest_step(scenario.control.period, longest)
-    promise = (
-        "rigid plants agree to 1e-7 m and rad"
-        if is_short_enough(scenario, drive)
-        else ("agreement to 1e-7 m and rad is judged, not promised")
-    )
-    return f"{physics_step(scenario, drive):g} s; {promise} (condition: at most {fits:g} s)"
+    def __str__(self) -> str:
+        """Say the step in words, and whether all plants agree with it on a rigid crane."""
+        fits = longest_step(
+            self.scenario.control.period, self.longest * (1.0 + self.scenario.control.STEP_ROUNDING)
+        )
+        promise = (
+            "rigid plants agree to 1e-7 m and rad"
+            if self.is_short_enough
+            else "agreement to 1e-7 m and rad is judged, not promised"
+        )
+        return f"{self.seconds:g} s; {promise} (condition: at most {fits:g} s)"

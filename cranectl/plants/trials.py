@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.plants.capabilities import lacking
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PARTS, WHOLE_EFFECTS, PlantEntry, plant_entry
+from cranectl.plants.registry import PARTS, PLANTS, WHOLE_EFFECTS, PlantEntry
 from cranectl.scenario import EFFECTS, EffectNumbers, EffectSettings, RigParameters
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError
@@ -47,7 +46,7 @@ _tried: dict[tuple[str, Drive], tuple[PlantEntry, tuple[str, ...]]] = {}  # in t
 
 def check_honest(name: str, drive: Drive) -> None:
     """Raise InputError if a plant ignores a setting that its entry does not exclude."""
-    entry = plant_entry(name)
+    entry = PLANTS.entry(name)
     tried = _tried.get((name, drive))
     if tried is None or tried[0] is not entry:
         tried = _tried[name, drive] = entry, _ignored(entry, drive)
@@ -72,7 +71,7 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
     """Return the settings, of those that the entry allows, to which a plant does not react."""
     ignored = dict[str, None]()
     for setting, without, changed, reacts in _probes(entry, drive):
-        if lacking(entry, setting) is not None or setting.removeprefix("rig.") in entry.fixed:
+        if entry.why_lacking(setting) is not None or setting.removeprefix("rig.") in entry.fixed:
             continue
         try:
             outcomes = _outcome(entry, drive, without), _outcome(entry, drive, changed)

@@ -8,16 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants import (
-    ASPECT,
-    FLOOR,
-    NEAR_POST,
-    OwnGeometry,
-    SiteModel,
-    drawn_spec,
-    own_geometry,
-    state_addresses,
-)
+from cranectl.plants import DrawnRig
 from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
 from cranectl.scenario import Drawing, RigParameters
@@ -52,37 +43,35 @@ OBSTACLE_OPACITY = 0.45  # so that a load behind an obstacle is visible
 def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
     """Yield a renderer for pictures of this size; raise InputError without OpenGL."""
     rig = timeline.main.run.scenario.rig
-    own = own_geometry(timeline.main.run.model, rig.plant.names)
-    model = _model(rig, width, height, own)
+    drawn = _drawn(rig, width, height, timeline.main.run.model)
+    model = drawn.model
     if camera == "overview" and rig.look.frame:
         for post in map(model.geom, range(model.ngeom)):
-            if post.name.startswith((NEAR_POST, FILED_NEAR_POST)):
+            if post.name.startswith((DrawnRig.NEAR_POST, FILED_NEAR_POST)):
                 colour = model.mat_rgba[int(post.matid[0])][:3]
                 post.rgba, post.matid = (*colour, NEAR_POST_OPACITY), -1
     with drawing_context(model, width, height) as context:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        yield Renderer(model, context, timeline, camera, own.mover(model) if own else None)
+        yield Renderer(drawn, context, timeline, camera)
 
 
 class Renderer:
     """Draws moments of a timeline; valid only inside `renderer`."""
 
-    def __init__(
-        self, model: Any, context: Any, timeline: Timeline, camera: str, own: SiteModel | None
-    ) -> None:
-        self._model, self._context, self._timeline, self._own = model, context, timeline, own
+    def __init__(self, drawn: DrawnRig, context: Any, timeline: Timeline, camera: str) -> None:
+        self._model, self._context, self._timeline = drawn.model, context, timeline
+        model = drawn.model
         rig = timeline.main.run.scenario.rig
         self._scale, self._floor = Drawing(rig).scale, -rig.rope_range[1]
         self._size = model.vis.global_.offwidth, model.vis.global_.offheight
         self._line_width = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane comes first, since it sets up the scene with all static objects.
         tracks = sorted(timeline.tracks, key=lambda track: track.is_ghost)
-        shared = {} if own else {rig: model}
+        shared = {} if drawn.is_own else {rig: drawn}
         rigs = {track.run.scenario.rig for track in tracks if track.is_ghost} - shared.keys()
-        shared |= {other: _model(other, *self._size) for other in rigs}
-        models = [shared[track.run.scenario.rig] if track.is_ghost else model for track in tracks]
-        self._tracks = [(t, m, mujoco.MjData(m)) for t, m in zip(tracks, models, strict=True)]
-        self._addresses = state_addresses(model)
+        shared |= {other: _drawn(other, *self._size) for other in rigs}
+        rigs_of = [shared[track.run.scenario.rig] if track.is_ghost else drawn for track in tracks]
+        self._tracks = [(t, d, mujoco.MjData(d.model)) for t, d in zip(tracks, rigs_of, strict=True)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(camera).id
@@ -114,16 +103,13 @@ class Renderer:
         return f"{np.ptp(self._bar[:, 0]):g} m", anchor
 
     def _compose(self, time: float) -> None:
-        for track, model, data in self._tracks:
+        for track, drawn, data in self._tracks:
             row = track.row(time)
-            state = track.run.block("state")[row]
-            data.qpos[self._addresses] = state[0::2]
-            if self._own and not track.is_ghost:
-                self._own.place(data, state)
-            mujoco.mj_forward(model, data)
+            drawn.place(data, track.run.block("state")[row])
+            mujoco.mj_forward(drawn.model, data)
             rope = SLACK_COLOUR if track.nearly_slack[row] else TAUT_COLOUR
             if track.is_ghost:
-                self._add_ghost(track, model, data, rope)
+                self._add_ghost(track, drawn.model, data, rope)
             else:
                 self._set_solid(data, rope)
                 if track.run.has("disturbance"):
@@ -152,7 +138,8 @@ class Renderer:
             geom.transparent = 1
             geom.size = geom.size + GHOST_HALO * self._scale
             geom.pos = self._behind(geom.pos)
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM and model.geom(geom.objid).name.startswith(NEAR_POST):
+            is_shape = geom.objtype == mujoco.mjtObj.mjOBJ_GEOM
+            if is_shape and model.geom(geom.objid).name.startswith(DrawnRig.NEAR_POST):
                 geom.rgba[3] = 0.0  # hidden, as the solid crane's is transparent
 
     def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
@@ -226,23 +213,17 @@ def _scale_bar(rig: RigParameters, *, top: bool) -> tuple[Array, Array]:
     return np.array([(end - length, y, z), (end, y, z)]), BAR_TICK * scale * tick
 
 
-def _model(rig: RigParameters, width: int, height: int, own: OwnGeometry | None = None) -> Any:
-    """Return the rig's model for pictures of this size, with the geometry of a user's model if given."""
-    spec = drawn_spec(rig)
-    if own:
-        own.replace_shapes(spec)
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+def _drawn(rig: RigParameters, width: int, height: int, description: str = "") -> DrawnRig:
+    """Return the rig for pictures of this size, with the shapes of `description` if it is a user's model."""
+    drawn = DrawnRig(rig, description)
     # Few facets of round shapes are invisible, and fast in software.
-    spec.visual.quality.numslices, spec.visual.quality.numstacks = 18, 10
-    spec.visual.quality.shadowsize = 0
+    quality = drawn.spec.visual.quality
+    quality.numslices, quality.numstacks, quality.shadowsize = 18, 10, 0
     drawing = Drawing(rig)
-    spec.tendon("rope").width = ROPE_WIDTH * drawing.scale
-    _set_light(spec, drawing.reach)
-    model = spec.compile()
-    # Cameras have a fixed vertical angle, so narrow pictures need a wider one to show the whole rig.
-    widening = max(1.0, ASPECT * height / width)
-    model.cam_fovy[:] = np.degrees(2.0 * np.arctan(np.tan(np.radians(model.cam_fovy) / 2.0) * widening))
-    return model
+    drawn.spec.tendon("rope").width = ROPE_WIDTH * drawing.scale
+    _set_light(drawn.spec, drawing.reach)
+    drawn.compile(width, height)
+    return drawn
 
 
 def _set_light(spec: Any, reach: float) -> None:
@@ -252,7 +233,7 @@ def _set_light(spec: Any, reach: float) -> None:
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         light.dir, light.diffuse, light.specular = direction, [diffuse] * 3, [0.25] * 3
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.42] * 3, [0.22] * 3
-    spec.geom("floor").size = reach * np.array([FLOOR, FLOOR, 0.1])
+    spec.geom("floor").size = reach * np.array([DrawnRig.FLOOR, DrawnRig.FLOOR, 0.1])
     spec.material("floor").texrepeat, spec.material("floor").specular = (18, 18), 0.0
     spec.material("aluminium").rgba = (0.66, 0.69, 0.73, 1.0)
     spec.texture("floor").rgb1, spec.texture("floor").rgb2 = (0.84, 0.86, 0.88), (0.80, 0.82, 0.84)

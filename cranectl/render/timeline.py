@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from cranectl.metrics import NEARLY_SLACK
-from cranectl.plants import plant_entry, shown_plant
+from cranectl.plants import PLANTS
 from cranectl.scenario import Drawing
 from cranectl.simulate import Run
 from cranectl.support import LIGHT, VIEWER_SERIES, Array, InputError, Mask
@@ -106,7 +106,7 @@ class Timeline:
 
         That is the load of the user's own plant if there is one, else that of any crane.
         """
-        own = not self.by_label and not plant_entry(self.main.run.plant).is_own
+        own = not self.by_label and not PLANTS.entry(self.main.run.plant).is_own
         tracks = (self.main,) if own else self.tracks
         following = [track for track in tracks if track.run.has_reference]
         if not following:
@@ -140,8 +140,8 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
         colours = dict(zip(runs, (orange, blue, *more), strict=False))
         tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
     else:
-        solid = shown_plant(drawn)
-        entries = [(run, plant_entry(run.plant)) for run in drawn.values()]
+        solid = PLANTS.shown(drawn)
+        entries = [(run, PLANTS.entry(run.plant)) for run in drawn.values()]
         tracks = [Track(run, run.plant != solid, e.label, LIGHT[e.colour]) for run, e in entries]
     return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from PIL.Image import Image
 
 from cranectl.cases.pairwise import Pairwise
-from cranectl.cases.validation import PLANTS, JudgedValue, Validation, Verdict, judged_values
-from cranectl.plants import reference_plant
+from cranectl.cases.validation import BETWEEN_PLANTS, JudgedValue, Validation, Verdict, judged_values
+from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.run.differences import pair_tables
 from cranectl.report.run.first_screen import BADGES
@@ -155,8 +155,8 @@ def _reason(scenarios: Sequence[ScenarioVerdict], failed: Sequence[ScenarioVerdi
         results = [case.result for scenario in scenarios for case in scenario.cases if case.result]
         keys = {value.key for result in results for value in judged_values(result)}
         good = ["runs end as expected"]
-        good += ["the plants agree"] if PLANTS in keys else []
-        good += ["all limits are kept"] if keys - {PLANTS} else []
+        good += ["the plants agree"] if BETWEEN_PLANTS in keys else []
+        good += ["all limits are kept"] if keys - {BETWEEN_PLANTS} else []
         passed = f"All {len(scenarios)} scenarios pass" if len(scenarios) > 1 else "The scenario passes"
         return f"{passed}: {', '.join(good)}."
     reason = " ".join(causes(failed[0].cases[0]))
@@ -178,9 +178,9 @@ def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iter
         mark = "bad" if passed < len(scenarios) else ""
         yield Fact("Scenarios that pass", f"{passed} of {len(scenarios)}", _what_was_run(validation), mark)
     values = [value for result in validation.finished for value in judged_values(result)]
-    limits = [value for value in values if value.key != PLANTS]
+    limits = [value for value in values if value.key != BETWEEN_PLANTS]
     if limits:
-        kept, reference = sum(value.kept for value in limits), reference_plant(validation.plants)
+        kept, reference = sum(value.kept for value in limits), PLANTS.reference(validation.plants)
         mark = "bad" if kept < len(limits) else ""
         yield Fact("Limits kept", f"{kept} of {len(limits)}", f"judged on {reference}", mark)
     errors = {

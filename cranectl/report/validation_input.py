@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cranectl.cases.validation import Validation
-from cranectl.controllers import controller_digests
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.report.page import Fact
 from cranectl.scenario import Scenario
@@ -25,7 +25,7 @@ def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Ite
         yield Fact("Load", load, others)
     elif masses:
         yield Fact("Loads", f"{len(masses)} cranes", "each scenario below states its masses")
-    controllers = controller_digests(dict.fromkeys(case.controller for case in validation.cases))
+    controllers = ALL_CONTROLLERS.digests(dict.fromkeys(case.controller for case in validation.cases))
     remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, controllers.items())])
     yield Fact("Digest", input_digest(validation, controllers), remark)
     versions = provenance()

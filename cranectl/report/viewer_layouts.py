@@ -10,7 +10,7 @@ from typing import Any
 
 from cranectl.analysis.levels import NAMES
 from cranectl.log import STEP, topics
-from cranectl.plants import PLANTS, default_plants, in_order, reference_plant
+from cranectl.plants import PLANTS
 from cranectl.report.viewer_panels import (
     Layout,
     Panel,
@@ -62,7 +62,7 @@ def layout_json(
     """
     InputError.check_known("layout", [name], LAYOUTS)
     panels: dict[str, dict[str, Any]] = {}
-    shown = labels if name in ("overlay", "ladder") else in_order(plants or default_plants())
+    shown = labels if name in ("overlay", "ladder") else PLANTS.in_order(plants or PLANTS.by_default)
     drawn = _controller(shown, logged) if name == "controller" else LAYOUTS[name](shown)
     drawn = drawn if recorded is None else _with_signals(drawn, recorded) or drawn
     content: dict[str, Any] = {"layout": _numbered(drawn, panels), "configById": panels}
@@ -97,7 +97,7 @@ def _numbered(layout: Layout, panels: dict[str, dict[str, Any]]) -> str | dict[s
 
 def _single(plants: Sequence[str]) -> Layout:
     """Return the layout of one run: the crane, the load, errors, angles, inputs, tension."""
-    plant = reference_plant(plants)
+    plant = PLANTS.reference(plants)
     load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
         plot("load", [line for pair in load for line in pair]),
@@ -113,14 +113,14 @@ def _single(plants: Sequence[str]) -> Layout:
 
 def _comparison(plants: Sequence[str]) -> Layout:
     """Return the layout of several plants: the crane and its ghosts, their signals and differences."""
-    plants = plants if len(plants) > 1 else default_plants()
+    plants = plants if len(plants) > 1 else PLANTS.by_default
     left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
     return row([left, _several(partial(_of_each, plants), row(_distance_plots(plants)))], (42, 58))
 
 
 def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -> Layout:
     """Return the layout of the controller: errors, commands, and the signals that it logs."""
-    plant = reference_plant(plants)
+    plant = PLANTS.reference(plants)
     if logged is None:
         inner = [
             _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
@@ -156,7 +156,7 @@ def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
 
 def _live(plants: Sequence[str]) -> Layout:
     """Return the layout of a live session: the cranes, the last half minute, and its controls."""
-    plant = reference_plant(plants)
+    plant = PLANTS.reference(plants)
     plots = [
         _axes_plot(plant, "error", "error", "tracking error"),
         _joint_plot(plant, "state", ("alpha", "beta"), "cardan angles"),
@@ -273,7 +273,7 @@ def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
     """Return plots of the differences between plants, in powers of ten down to rounding."""
-    several, others, plots = len(plants) > 2, [p for p in plants if p != reference_plant(plants)], []
+    several, others, plots = len(plants) > 2, [p for p in plants if p != PLANTS.reference(plants)], []
     for signal, colour in zip(topics.DISTANCE.signals, VIEWER_SERIES, strict=False):
         lines = []
         for name in others:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers import controller_design, controller_of, prepared
+from cranectl.controllers import ALL_CONTROLLERS, prepared
 from cranectl.design import ControllerDesign
-from cranectl.plants import DRIVES, OWN_PLANT, PLANTS, Drive, plant_entry
+from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, Scenario
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
@@ -77,7 +77,7 @@ def idle_settings(
     runs = []
     for use in uses:
         with suppress(InputError):
-            runs.append((use, controller_design(use.controller, scenario)))
+            runs.append((use, ALL_CONTROLLERS.design(use.controller, scenario)))
     numbers = (leaf for leaf in leaves(scenario.model_dump()) if isinstance(leaf[1], int | float))
     zero = {name: value == 0 for name, value in numbers}
     for name in names:
@@ -92,12 +92,12 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
 
     `zero` says for each number, by name, whether it is 0 in all runs.
     """
-    entry = plant_entry(plant)
+    entry = PLANTS.entry(plant)
     group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
     for lack in (group, group.partition(".")[0]):
         if reason := entry.lack(lack):
             return f"the {entry.label} plant, {reason}"
-    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and entry.where != OWN_PLANT:
+    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and not entry.is_model_file:
         return f"the {entry.label} plant is not from a model file"
     if name.removeprefix("rig.") in entry.fixed:
         return f"it is built into the {entry.label} plant"
@@ -194,7 +194,7 @@ def _why_idle_controller(name: str, use: RunKind, design: ControllerDesign) -> s
 def _why_no_lead(use: RunKind, design: ControllerDesign) -> str | None:
     if DRIVES[use.drive].command != "velocity":
         return f"{use.drive} drives take no set-points"
-    if controller_of(design).command == "velocity":
+    if ALL_CONTROLLERS.of_design(design).command == "velocity":
         return f"{design.name} commands set-points itself"
     return None
 
@@ -204,11 +204,11 @@ def _uses_lag(name: str, scenario: Scenario, use: RunKind, design: ControllerDes
 
     Set-points of a controller depend on the lag with ideal drives too: these accelerate as nominal drives do.
     """
-    if controller_of(design).command == "velocity":
+    if ALL_CONTROLLERS.of_design(design).command == "velocity":
         return True
     key = name.removeprefix("rig.")
     changed = scenario.rig.model_copy(update={key: 2.0 * getattr(scenario.rig, key)})
-    controller, plan = controller_of(design), plan_reference(scenario)
+    controller, plan = ALL_CONTROLLERS.of_design(design), plan_reference(scenario)
     try:
         one, other = (
             prepared(controller, nominal_crane(candidate, design, controller, use.drive, plan))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import ControllerDesign
-from cranectl.plants import DRIVES, Drive, with_step
+from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION, SignalGroup, recorded_groups
 from cranectl.simulate.signal_path import has_signal_path
@@ -68,7 +68,7 @@ class Run:
 
     def __post_init__(self) -> None:
         """State the physics step, so that the record does not depend on how it is chosen."""
-        object.__setattr__(self, "scenario", with_step(self.scenario, self.drive))
+        object.__setattr__(self, "scenario", PhysicsStep(self.scenario, self.drive).stated())
 
     @property
     def has_reference(self) -> bool:

@@ -7,21 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.controllers import (
+    ALL_CONTROLLERS,
     CompiledController,
     Controller,
     LinearController,
     Nominal,
     Tracker,
-    bind_address,
     compile_controller,
-    controller_design,
-    controller_of,
     linearised,
     make_tracker,
-    with_own_memory,
 )
 from cranectl.design import ControllerDesign, Design
-from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, Plant, check_scenario, examine, substeps
+from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, PhysicsStep, Plant, check_scenario, examine
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import COLUMN, PATH
@@ -101,14 +98,14 @@ def simulate_run(
         If a name is unknown, the rig cannot follow the reference, or the run takes too much memory.
     """
     nominal = nominal or scenario
-    design = design or controller_design(controller or nominal.controller.name, nominal)
+    design = design or ALL_CONTROLLERS.design(controller or nominal.controller.name, nominal)
     kind = checked_drive(drive)
     check_runs(scenario, design, kind)
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, kind)
     compiled_controller = compiled_controller or prepare_controller(nominal, design, crane.drive, plan)
     samples, width = len(plan.time_ns), record_width(design)
-    outside = controller_of(design) if design.origin and compiled and CAN_FORK else None
+    outside = ALL_CONTROLLERS.of_design(design) if design.origin and compiled and CAN_FORK else None
     zeros = np.zeros if outside is None else shared_zeros
     path_record = None if outside is None else shared_zeros((samples, PATH.width))
     run = start_run(
@@ -180,7 +177,7 @@ def prepare_controller(
 
     Raises InputError if the sampled loop is unstable, or as the controller's own preparation does.
     """
-    controller = controller_of(design)
+    controller = ALL_CONTROLLERS.of_design(design)
     recorded = sum(map(len, design.groups))
     return compile_controller(controller, nominal_crane(nominal, design, controller, drive, plan), recorded)
 
@@ -192,7 +189,7 @@ def linearised_controller(
 
     The default lengths are the shortest, the middle and the longest rope of the rig.
     """
-    controller = controller_of(design)
+    controller = ALL_CONTROLLERS.of_design(design)
     if controller.linearise is None:
         return []
     known = nominal_crane(nominal, design, controller, "ideal", plan_reference(nominal))
@@ -227,7 +224,7 @@ def make_plant(name: str, scenario: Scenario, drive: Drive) -> Plant:
         from cranectl.plants import check_honest
 
         check_honest(entry.name, drive)
-    steps = substeps(scenario, drive)
+    steps = PhysicsStep(scenario, drive).per_period
     return entry.load()(
         scenario.rig,
         drive=drive,
@@ -258,9 +255,9 @@ def inputs_of(
 
     `nominal` and `bind` are as in `start_run`.
     """
-    controller = with_own_memory(controller)
+    controller = controller.with_own_memory()
     return LoopInputs(
-        controller=bind_address(controller) if bind else controller,
+        controller=controller.bound() if bind else controller,
         actuation=make_actuation(nominal, drive),
         integral=initial_integral(plan.initial_state),
         unloaded=make_unloaded_drives(nominal, drive, plan.initial_state),
@@ -289,7 +286,7 @@ def _run_blocks(
 
     def advance(first: int) -> tuple[int, int, int]:
         nonlocal inputs
-        inputs = inputs._replace(controller=bind_address(inputs.controller))
+        inputs = inputs._replace(controller=inputs.controller.bound())
         return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
 
     try:

@@ -21,7 +21,7 @@ from cranectl.campaign.table import FAILED
 from cranectl.campaign.workers import batch_engine
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
-from cranectl.controllers.registry import controller_digests
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from tests.pace import HANG
@@ -70,7 +70,7 @@ def test_table_belongs_to_present_controllers_numbers_and_rules(
     rules = rules_of(BENCHMARK)
     assert (judged.about["rules"], judged.about["seed"]) == (rules, BENCHMARK.seed)
     for controller in controllers:
-        assert judged.about["laws"][controller]["file"] == controller_digests([controller]).get(
+        assert judged.about["laws"][controller]["file"] == ALL_CONTROLLERS.digests([controller]).get(
             f"law {controller}", ""
         )
         assert judged.about["tuned"][controller] == tuned_facts(BENCHMARK_FOLDER / "tuned", rules, controller)

@@ -9,7 +9,7 @@ import pytest
 from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.controller import Controller, Nominal
-from cranectl.controllers.registry import load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import completed_rig
 from cranectl.support.arrays import Array
@@ -71,7 +71,7 @@ def commands(controller: Controller, rig: RigParameters, length: float, mass: fl
 @pytest.mark.parametrize("reference", CONTROLLERS)
 def test_controller_commands_the_same_on_similar_cranes(reference: str) -> None:
     (name,) = measured_controllers(read_benchmark("literature"), [reference])
-    controller = load_controller(name)
+    controller = ALL_CONTROLLERS[name]
     small, large = commands(controller, SMALL, 1.0, 1.0), commands(controller, LARGE, LENGTH, MASS)
     size = np.abs(small).max(axis=0)
     assert (size > 0.0).all()

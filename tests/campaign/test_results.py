@@ -15,7 +15,7 @@ from cranectl.campaign.definition import batches_of
 from cranectl.campaign.manifest import SoftwareOrigin, campaign_of, differences, manifest_of, origins_of
 from cranectl.campaign.results import PARTS, REPLAYS, open_store, read_results
 from cranectl.campaign.table import ResultDamageError, part_name, read_part, row_columns
-from cranectl.plants.registry import plant_entry
+from cranectl.plants import registry
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS, campaign
 from tests.campaign.results import invented_rows, two_controllers, write_all
@@ -59,7 +59,7 @@ def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
 def test_batches_hold_every_sample_once(plant: str, runs: int) -> None:
     uncertain = {"rig": {"load_mass": MASS}}
     of = two_controllers(uncertain=uncertain, runs=runs, plants=[plant])
-    assert batches_of(of)[0].last == min(runs, plant_entry(plant).batch if runs < 100_000 else 98)
+    assert batches_of(of)[0].last == min(runs, registry.PLANTS.entry(plant).batch if runs < 100_000 else 98)
     for controller in of.settings.controllers:
         ends = [(b.first, b.last) for b in batches_of(of) if b.controller == controller]
         assert ends[0][0] == 0

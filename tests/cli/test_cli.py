@@ -18,7 +18,7 @@ from cranectl.controllers.registry import controller_names
 from cranectl.design import CONTROLLERS
 from cranectl.log.reader import read_log
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS, default_plants
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
@@ -80,7 +80,7 @@ def test_validate_writes_all_runs_and_agreements_as_json(capsys: pytest.CaptureF
     assert {(r["scenario"], r["controller"], r["plant"], r["drive"]) for r in result["runs"]} == {
         ("fixed-position", controller, plant, drive)
         for controller in CONTROLLERS
-        for plant in default_plants()
+        for plant in PLANTS.by_default
         for drive in ("ideal", "velocity")
     }
     for run in result["runs"]:

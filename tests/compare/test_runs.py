@@ -14,7 +14,7 @@ from cranectl.compare.runs import (
     named_signals,
     refuse_differences,
 )
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
@@ -125,7 +125,7 @@ def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None
 
     run = simulate_run(short, plant="analytic")
     assert differing_fields(run, run) == ()
-    other = replace(run, design=controller_design("lqr+hinf", short), drive="velocity")
+    other = replace(run, design=ALL_CONTROLLERS.design("lqr+hinf", short), drive="velocity")
     assert differing_fields(run, other) == (
         "controller: pole-placement and lqr+hinf",
         "drive: ideal and velocity",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_controller
-from cranectl.controllers.registry import controller_design, controller_of
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.report.viewer_layouts import layout_json
@@ -34,8 +34,8 @@ def scenario(settings: list[str]) -> Scenario:
 def parameters(law: str, settings: list[str]) -> np.ndarray:
     name = law if law == "lqr-offset-free" else open_controller(law)
     chosen_scenario = scenario(settings)
-    design = controller_design(name, chosen_scenario)
-    controller = controller_of(design)
+    design = ALL_CONTROLLERS.design(name, chosen_scenario)
+    controller = ALL_CONTROLLERS.of_design(design)
     nominal = nominal_crane(chosen_scenario, design, controller, "velocity", plan_reference(chosen_scenario))
     return controller.prepare(nominal)[0]
 

@@ -15,7 +15,7 @@ import pytest
 from cranectl.controllers.flat_velocity import FLAT_VELOCITY, POLES, tracker_of
 from cranectl.controllers.lqr_integral import LQR_INTEGRAL, gain_at, matrices
 from cranectl.controllers.lqr_offset_free import LQR_OFFSET_FREE, A, B, levels
-from cranectl.controllers.registry import WHERE, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, WHERE
 from cranectl.design.linear_systems import loop_margins
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import nominal_at
@@ -24,7 +24,7 @@ from tests.loops import check_margins, return_difference_error, state_loop
 from tests.ranges import has_found_allowed_and_remedy, result_or_refusal, share_of
 
 SHARE = 10
-CASES = cases(map(load_controller, WHERE))
+CASES = cases(ALL_CONTROLLERS[name] for name in WHERE)
 LENGTH = 0.7  # [m], of the rope
 # Of the return difference. Poles of 1e-9 1/s, which such weights ask for, keep three digits of it.
 OPTIMAL = 1e-3
@@ -71,11 +71,11 @@ def test_poles_of_flat_velocity_are_the_requested_ones(case: Case) -> None:
 
 @pytest.mark.parametrize(
     "case",
-    share_of([case for case in CASES if load_controller(case[1]).linearise], SHARE),
+    share_of([case for case in CASES if ALL_CONTROLLERS[case[1]].linearise], SHARE),
     ids=lambda case: case[0],
 )
 def test_margins_of_linearised_controllers(case: Case) -> None:
-    controller = load_controller(case[1])
+    controller = ALL_CONTROLLERS[case[1]]
     linearise = controller.linearise
     assert linearise is not None
     nominal = nominal_at(controller, LENGTH, **{case[2]: float(case[3])})

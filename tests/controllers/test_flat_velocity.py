@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from cranectl.compare.agreement import judge
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.model.flatness import flat_output
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -68,7 +68,7 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
     real = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]", f"effects.delay.seconds={delay}")
     lags = [f"rig.{drive}_time_constant={lag * believed}" for drive in ("bridge", "trolley", "winch")]
     assert real.rig.time_constants == pytest.approx([lag] * 3)
-    (linear,) = linearised_controller(real, controller_design(NAME, real), [LENGTH])
+    (linear,) = linearised_controller(real, ALL_CONTROLLERS.design(NAME, real), [LENGTH])
     run = simulate_run(real, nominal=hanging(*lags), plant="analytic", drive="velocity", controller=NAME)
     moved = run.block("state")[:, [0, 8]] - [1.0, 0.0]
 

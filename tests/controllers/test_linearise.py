@@ -15,14 +15,14 @@ from cranectl.controllers.addressed import compile_controller
 from cranectl.controllers.controller import CRANE_STATES, Controller, LinearController, Nominal
 from cranectl.controllers.flat_velocity import lead_times
 from cranectl.controllers.lqr_integral import LQR_INTEGRAL, STATES, gain_at
-from cranectl.controllers.registry import controller_design, controller_names, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, controller_names
 from cranectl.planning import load_scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Z
 from cranectl.simulate import plan_scenario
 from cranectl.simulate.runner import nominal_crane
 from cranectl.support.arrays import Array
 
-LINEAR = [name for name in controller_names() if load_controller(name).linearise]
+LINEAR = [name for name in controller_names() if ALL_CONTROLLERS[name].linearise]
 RANGES = [(0.05, 1.4), (3.0, 40.0), (0.01, 50.0), (0.2, 1000.0)]  # laboratory, harbour, 1 : 5000 twice
 AXES = [(BRIDGE, BETA), (TROLLEY, ALPHA)]
 GRAVITY = 9.81
@@ -42,7 +42,7 @@ def nominal_of(name: str, ropes: tuple[float, float]) -> Nominal:
             "reference.segments=[]", "disturbances=[]", "duration=0.1",
         ],
     )  # fmt: skip
-    design, controller = controller_design(name, scenario), load_controller(name)
+    design, controller = ALL_CONTROLLERS.design(name, scenario), ALL_CONTROLLERS[name]
     return nominal_crane(scenario, design, controller, "velocity", plan_scenario(scenario))
 
 
@@ -77,7 +77,7 @@ def step_at(controller: Controller, nominal: Nominal, length: float) -> tuple[St
 
 def response_of_step(name: str, nominal: Nominal, length: float, axis: int, omega: float) -> Array:
     """Return the response (4,) of the axis' acceleration to position, rate, angle and its rate."""
-    step, rest, memory = step_at(load_controller(name), nominal, length)
+    step, rest, memory = step_at(ALL_CONTROLLERS[name], nominal, length)
     joint, angle = AXES[axis]
     n, places = len(memory), [joint, joint + 1, angle, angle + 1]
     size = np.maximum(np.abs(memory), 1.0) * SMALL
@@ -109,7 +109,7 @@ def response_of_form(linear: LinearController, omega: float) -> Array:
 @pytest.mark.parametrize("ropes", RANGES, ids=str)
 @pytest.mark.parametrize("name", LINEAR)
 def test_the_declared_form_is_that_of_the_step(name: str, ropes: tuple[float, float]) -> None:
-    nominal, linearise = nominal_of(name, ropes), load_controller(name).linearise
+    nominal, linearise = nominal_of(name, ropes), ALL_CONTROLLERS[name].linearise
     assert linearise is not None
     for share in (0.0, 0.017, 0.21, 0.73, 1.0):
         length = ropes[0] * (ropes[1] / ropes[0]) ** share

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from cranectl.controllers.lqr_integral import LQR_INTEGRAL
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import linearised_controller, simulate_run
@@ -26,7 +26,7 @@ def test_near_rest_it_moves_as_its_linearisation_says() -> None:
     scenario = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]")
     (linear,) = [
         linear
-        for linear in linearised_controller(scenario, controller_design("lqr-integral", scenario))
+        for linear in linearised_controller(scenario, ALL_CONTROLLERS.design("lqr-integral", scenario))
         if linear.rope_length == LENGTH
     ]
     run = simulate_run(scenario, plant="mujoco", controller="lqr-integral")

@@ -21,7 +21,7 @@ from cranectl.controllers.lqr_offset_free import (
     prepare,
     regulator,
 )
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate import linearised_controller
@@ -70,7 +70,7 @@ def test_its_regulator_solves_the_riccati_equation(error_weight: float, rate_wei
 
 def test_its_linearisation_has_the_same_poles() -> None:
     scenario = load_scenario("fixed-position")
-    for linear in linearised_controller(scenario, controller_design(LAW, scenario)):
+    for linear in linearised_controller(scenario, ALL_CONTROLLERS.design(LAW, scenario)):
         nominal = nominal_at(LQR_OFFSET_FREE, linear.rope_length)
         scale = np.sqrt(GRAVITY / linear.rope_length)
         regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * scale

@@ -9,7 +9,7 @@ import pytest
 
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.preparation import prepared
-from cranectl.controllers.registry import FLAT_FAMILY, WHERE, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import Drive
 from cranectl.scenario.effects import EffectNumbers
@@ -52,7 +52,7 @@ class WatchedPath:
 
 def shipped() -> Iterator[Controller]:
     """Yield all controllers of the package and of the benchmark, except those in C."""
-    yield from map(load_controller, (*FLAT_FAMILY, *WHERE))
+    yield from (ALL_CONTROLLERS[name] for name in (*FLAT_FAMILY, *WHERE))
     for file in sorted((ROOT / "validation" / "benchmark").glob("*.py")):
         module = importlib.import_module(f"validation.benchmark.{file.stem}")
         yield from (value for value in vars(module).values() if isinstance(value, Controller))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 
@@ -12,10 +12,10 @@ HARBOUR = 40.0 / 1.4  # longest rope over the laboratory's
 
 def test_defaults_go_by_their_powers_and_what_is_given_stays() -> None:
     overrides = ["controller.pid.integral=0.5"]
-    pid = controller_design("pid", load_scenario("ship-to-shore", overrides=overrides)).parameters
+    pid = ALL_CONTROLLERS.design("pid", load_scenario("ship-to-shore", overrides=overrides)).parameters
     assert pid["proportional"] == pytest.approx(4.0 / np.sqrt(HARBOUR), rel=5e-3)
     assert pid["integral"] == 0.5
-    assert controller_design("pid", load_scenario("fast-diagonal")).parameters["proportional"] == 4.0
+    assert ALL_CONTROLLERS.design("pid", load_scenario("fast-diagonal")).parameters["proportional"] == 4.0
 
 
 @pytest.mark.parametrize("controller", ["pid", "lqr-integral", "lqr-offset-free", "flat-velocity"])

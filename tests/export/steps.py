@@ -7,8 +7,9 @@ import numpy as np
 from numba import carray
 
 from cranectl.controllers.observer import EXPECTED, Observer, correct, predict
-from cranectl.controllers.repeated import follow_motion, repeat_commands
+from cranectl.controllers.repeated import repeat_commands
 from cranectl.controllers.slots import Slots
+from cranectl.measured.followed_motion import follow_motion
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 

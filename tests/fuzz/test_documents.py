@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cranectl.campaign import load_campaign
 from cranectl.compare.golden import load_tolerances
 from cranectl.planning import load_scenario
-from cranectl.plants.steps import substeps
+from cranectl.plants.steps import PhysicsStep
 from cranectl.scenario import Scenario
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
@@ -71,7 +71,7 @@ def read(load: Callable[[Any], Any], directory: Path, content: bytes) -> Any:
 @fuzzed(60, content=toml_files(SCENARIOS), plant=st.sampled_from(["analytic", "both"]))
 def test_odd_scenarios_are_run_or_refused(template: Path, tmp_path: Path, content: bytes, plant: str) -> None:
     scenario: Scenario | None = read(load_scenario, tmp_path, content)
-    small = scenario is None or scenario.steps * substeps(scenario, "ideal") <= MAX_STEPS
+    small = scenario is None or scenario.steps * PhysicsStep(scenario, "ideal").per_period <= MAX_STEPS
     line = ["run", "f.toml", "--out", "o.mcap", "--plant", plant if small else "no plant"]
     code, files = check_command(template, line, files={"f.toml": content})
     assert (code == 2) >= (scenario is None or not small)

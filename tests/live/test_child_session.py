@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.live.child_session import ChildSession
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
@@ -40,14 +40,14 @@ def test_a_session_in_a_child_process_equals_one_in_this_process(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "law.py").write_text(LAW)
-    design = controller_design(open_controller(f"{tmp_path}/law.py:damper"), SCENARIO)
+    design = ALL_CONTROLLERS.design(open_controller(f"{tmp_path}/law.py:damper"), SCENARIO)
     session = Session(SCENARIO, design, plants=PLANTS)
     child = ChildSession(SCENARIO, design, plants=PLANTS)
     for either in (session, child):
         either.prepare()
     for act in (
         lambda session: session.pulse((0.5, 0.0), 0.1),
-        lambda session: session.use(controller_design("lqr", SCENARIO)),
+        lambda session: session.use(ALL_CONTROLLERS.design("lqr", SCENARIO)),
         lambda session: session.use(design),
         lambda session: session.reset(),
     ):
@@ -74,7 +74,7 @@ def test_a_session_in_a_child_process_equals_one_in_this_process(
 def test_a_failing_controller_stops_the_plants_until_the_next_reset(
     fault: str, message: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    design = controller_design(open_controller(str(built(tmp_path, broken=fault))), SCENARIO)
+    design = ALL_CONTROLLERS.design(open_controller(str(built(tmp_path, broken=fault))), SCENARIO)
     session = ChildSession(SCENARIO, design, plants=PLANTS)
     session.prepare()
     assert all(len(run.time_ns) == 550 for run in session.advance(550))
@@ -96,7 +96,7 @@ def test_a_failing_controller_stops_the_plants_until_the_next_reset(
 
 def test_a_session_in_a_child_process_is_driven_by_hand_in_the_same_way() -> None:
     scenario = load_scenario("fixed-position", overrides=["disturbances=[]"])
-    design = controller_design("lqr", scenario)
+    design = ALL_CONTROLLERS.design("lqr", scenario)
     session = Session(scenario, design, plants=PLANTS)
     child = ChildSession(scenario, design, plants=PLANTS)
     for act in (
@@ -109,6 +109,6 @@ def test_a_session_in_a_child_process_is_driven_by_hand_in_the_same_way() -> Non
             act(either)
         assert_equal_increments(session, child, 300)
     with pytest.raises(InputError, match="moves the load until"):
-        ChildSession(SCENARIO, controller_design("lqr", SCENARIO), plants=PLANTS).steer(
+        ChildSession(SCENARIO, ALL_CONTROLLERS.design("lqr", SCENARIO), plants=PLANTS).steer(
             HandRequest(True, 1.0, 0.5, -0.5)
         )

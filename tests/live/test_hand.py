@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.live.hand import HandReference, HandRequest
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
@@ -24,7 +24,7 @@ MOVE = "reference.segments=[{kind='line', to=[0.8, 0.6, -0.6], duration=1.5}, {k
 
 def session(*overrides: str, controller: str = "lqr", **options: object) -> Session:
     scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
-    return Session(scenario, controller_design(controller, scenario), plants=PLANTS, **options)
+    return Session(scenario, ALL_CONTROLLERS.design(controller, scenario), plants=PLANTS, **options)
 
 
 def drive(running: Session, block: int) -> list[list[Run]]:
@@ -116,7 +116,7 @@ def test_another_controller_continues_from_the_driven_position() -> None:
     running.steer(HandRequest(False, 0.4, 0.0, 0.0))
     running.advance(800)
     for controller in ("pole-placement", "lqr-integral", "lqr"):
-        running.use(controller_design(controller, running.scenario))
+        running.use(ALL_CONTROLLERS.design(controller, running.scenario))
         runs = running.advance(400)
         assert max(np.abs(run.block("error")[:, :3]).max() for run in runs) < 2e-3, controller
 
@@ -129,7 +129,7 @@ def test_controllers_with_preview_cannot_be_driven_by_hand(declared: dict) -> No
         running = session()
         running.steer(HandRequest(False, 0.1, 0.0, 0.0))
         with pytest.raises(InputError, match="needs the reference in advance"):
-            running.use(controller_design(name, running.scenario))
+            running.use(ALL_CONTROLLERS.design(name, running.scenario))
         assert running.design.name == "lqr"
 
 

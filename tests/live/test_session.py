@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers import registry
 from cranectl.design import design_controller, with_gain
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
@@ -16,7 +16,7 @@ from tests.conftest import ALL_CONTROLLERS, PLANTS
 
 
 def session(scenario: Scenario, controller: str = "lqr", **options: object) -> Session:
-    return Session(scenario, controller_design(controller, scenario), **options)
+    return Session(scenario, registry.ALL_CONTROLLERS.design(controller, scenario), **options)
 
 
 def advance(running: Session, samples: int, block: int = 20) -> dict[str, np.ndarray]:
@@ -89,7 +89,7 @@ def test_set_points_do_not_jump_when_the_kind_of_controller_changes(short: Scena
     running = session(short, "lqr", plants=["mujoco"], drive="velocity")
     for controller in ("lqr-integral", "pid", "lqr", "lqr-integral"):
         (before,) = running.advance(120)
-        running.use(controller_design(controller, short))
+        running.use(registry.ALL_CONTROLLERS.design(controller, short))
         (after,) = running.advance(1)
         assert after.groups == running.advance(0)[0].groups
         assert after.status == RunStatus.RUNNING
@@ -104,7 +104,7 @@ def test_set_points_do_not_jump_when_the_kind_of_controller_changes(short: Scena
 def test_an_extension_of_a_controller_starts_on_the_reference() -> None:
     running = session(load_scenario("fast-diagonal"), "lqr", plants=["analytic"])
     running.advance(700)
-    running.use(controller_design("flat-velocity", running.scenario))
+    running.use(registry.ALL_CONTROLLERS.design("flat-velocity", running.scenario))
     (run,) = running.advance(2)
     assert abs(run.reference[1, 8]) > 0.1
     assert run.block("controller")[0, :2] == pytest.approx(run.reference[1, [8, 11]], abs=5e-3)

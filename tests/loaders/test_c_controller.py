@@ -9,7 +9,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.controller import Parameter
-from cranectl.controllers.registry import controller_design, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.c_controller import HEADER
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
@@ -28,8 +28,8 @@ def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path
     searched = Parameter(
         "stiffness", 16.0, "1/s^2", "spring", 0.0, 1e4, search=(2.0, 100.0), length_power=-1.0
     )
-    assert load_controller(name).parameters == (searched, DAMPING)
-    design = controller_design(name, load_scenario("ship-to-shore"))
+    assert ALL_CONTROLLERS[name].parameters == (searched, DAMPING)
+    design = ALL_CONTROLLERS.design(name, load_scenario("ship-to-shore"))
     assert design.parameters == {"stiffness": pytest.approx(16.0 * 1.4 / 40.0, rel=5e-3), "damping": 8.0}
 
 
@@ -59,7 +59,7 @@ def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path
     runs = []
     for folder in (old, tmp_path):
         name = open_controller(str(built(folder)))
-        law = load_controller(name)
+        law = ALL_CONTROLLERS[name]
         assert (law.parameters, law.reads) == ((STIFFNESS, DAMPING), None)
         short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
         runs.append(simulate_run(short, plant="analytic", controller=name))
@@ -70,7 +70,7 @@ def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path
 @pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])
 def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> None:
     """The mass of the load is its third parameter; what it did not declare is NaN."""
-    law = load_controller(open_controller(str(built(tmp_path, more=f', .reads = "{reads}"'))))
+    law = ALL_CONTROLLERS[open_controller(str(built(tmp_path, more=f', .reads = "{reads}"')))]
     assert law.reads == tuple(reads.split())
     nominal = nominal_at(law, 0.8)
     given = law.prepare(nominal)[0][2]

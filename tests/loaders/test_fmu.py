@@ -11,7 +11,7 @@ import pytest
 
 from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.live.session import Session
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
@@ -154,9 +154,9 @@ def test_steps_of_its_own_fit_into_those_of_the_law(tmp_path: Path) -> None:
 
 def test_a_live_session_goes_over_to_one_and_starts_again(tmp_path: Path) -> None:
     crane = scenario()
-    session = Session(crane, controller_design("lqr", crane), plants=["analytic"], drive="ideal")
+    session = Session(crane, ALL_CONTROLLERS.design("lqr", crane), plants=["analytic"], drive="ideal")
     session.advance(300)
-    session.use(controller_design(open_controller(str(fmu(tmp_path / "law.fmu", 2))), crane))
+    session.use(ALL_CONTROLLERS.design(open_controller(str(fmu(tmp_path / "law.fmu", 2))), crane))
     for _ in range(2):
         (run,) = session.advance(200)
         error = run.reference[:, 0] - run.signal("state.bridge_position")

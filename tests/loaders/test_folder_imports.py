@@ -13,12 +13,7 @@ import pytest
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
 from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import (
-    controller_design,
-    controller_digests,
-    controller_of,
-    load_controller,
-)
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import close_controllers, open_again, open_controller
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
@@ -94,7 +89,7 @@ def gain_of(law: Any) -> float:
 
 
 def gain(name: str) -> float:
-    return gain_of(load_controller(name))
+    return gain_of(ALL_CONTROLLERS[name])
 
 
 @ways
@@ -114,7 +109,7 @@ def test_what_lies_beside_it_counts_in_its_digest(way: str, tmp_path: Path) -> N
     def digests(value: float) -> dict[str, str]:
         assert open_controller(written(tmp_path / "a", "first", value, way)) == "first"
         assert gain("first") == value
-        return controller_digests(["first"])
+        return ALL_CONTROLLERS.digests(["first"])
 
     before = digests(16.0)
     (tmp_path / "a" / "unrelated.py").write_text("K = 3.0")
@@ -132,7 +127,7 @@ def travelled(shared: SharedControllers) -> SharedControllers:
 def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str, tmp_path: Path) -> None:
     asked = written(tmp_path / "a", "first", 16.0, way)
     name = open_controller(asked)
-    files, digests = travelled(OPEN.share()), controller_digests([name])
+    files, digests = travelled(OPEN.share()), ALL_CONTROLLERS.digests([name])
     close_controllers()
     for folder in tmp_path.iterdir():
         shutil.rmtree(folder)
@@ -141,7 +136,7 @@ def test_workers_have_what_lay_beside_it_when_it_was_opened(way: str, then: str,
     open_again(files)
     open_again(files)
     assert gain(name) == 16.0
-    assert controller_digests([name]) == digests
+    assert ALL_CONTROLLERS.digests([name]) == digests
 
 
 def test_a_worker_keeps_versions_of_one_name_apart(tmp_path: Path) -> None:
@@ -153,8 +148,8 @@ def test_a_worker_keeps_versions_of_one_name_apart(tmp_path: Path) -> None:
         close_controllers()
     for shared in sent:
         open_again(shared)
-        designs.append(controller_design(name, scenario()))
-    assert [gain_of(controller_of(design)) for design in designs] == [16.0, 4.25]
+        designs.append(ALL_CONTROLLERS.design(name, scenario()))
+    assert [gain_of(ALL_CONTROLLERS.of_design(design)) for design in designs] == [16.0, 4.25]
 
 
 def test_the_same_text_in_two_folders_is_two_controllers(tmp_path: Path) -> None:
@@ -224,22 +219,22 @@ def test_the_files_of_a_program_count_and_travel(tmp_path: Path) -> None:
     (tmp_path / "a" / "data" / "table.csv").write_text("1,2")
     asked = peer(tmp_path / "a", gain=16.0, more=FILES)
     name = open_controller(asked)
-    first = controller_digests([name])
+    first = ALL_CONTROLLERS.digests([name])
     files, run = travelled(OPEN.share()), simulate_run(scenario(), plant="analytic", controller=name)
     for changed in ("peer.py", "gains.py", "data/table.csv"):
         path = tmp_path / "a" / changed
         text = path.read_text()
         path.write_text(f"{text}MORE = 1\n")
         assert open_controller(asked) == name
-        assert controller_digests([name]) != first
+        assert ALL_CONTROLLERS.digests([name]) != first
         path.write_text(text)
     assert open_controller(asked) == name
-    assert controller_digests([name]) == first
+    assert ALL_CONTROLLERS.digests([name]) == first
     close_controllers()
     peer(tmp_path / "a", gain=4.0, more=FILES)
     open_again(files)
     again = simulate_run(scenario(), plant="analytic", controller=name)
-    assert controller_digests([name]) == first
+    assert ALL_CONTROLLERS.digests([name]) == first
     assert np.array_equal(run.block("state"), again.block("state"))
     close_controllers()
     other = simulate_run(scenario(), plant="analytic", controller=open_controller(asked))

@@ -13,7 +13,7 @@ from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.cli.main import main
 from cranectl.compare.runs import differing_fields
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
@@ -151,7 +151,7 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
 
 def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:
     short = scenario("workspace.on_exit='record'")
-    design, plan = controller_design(open_controller(f"{law}:greedy"), short), plan_scenario(short)
+    design, plan = ALL_CONTROLLERS.design(open_controller(f"{law}:greedy"), short), plan_scenario(short)
     compiled = prepare_controller(short, design, "ideal", plan)
     first, second = (
         simulate_run(short, design=design, plan=plan, compiled_controller=compiled, plant="analytic")

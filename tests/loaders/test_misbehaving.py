@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.registry import load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
@@ -142,7 +142,7 @@ def test_the_working_directory_stays(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_an_empty_text_about_itself_is_no_title(tmp_path: Path) -> None:
-    assert load_controller(opened(tmp_path, declared="__doc__ = ''")).title == "odd"
+    assert ALL_CONTROLLERS[opened(tmp_path, declared="__doc__ = ''")].title == "odd"
     with pytest.raises(InputError, match="a controller named ''"):
         opened(tmp_path, declared="name = ''")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cranectl import open_controller
 from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
-from cranectl.controllers.registry import controller_digests
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import copy_of, open_again
 from cranectl.support.children import spawn_child
 
@@ -16,7 +16,7 @@ def tell(connection: Connection, shared: SharedControllers) -> None:
     """In a child: open what is shared, and say what is open, and where copies lie."""
     open_again(shared)
     copies = [copy_of(file) for file in shared.files]
-    connection.send((controller_digests(OPEN.files), copies))
+    connection.send((ALL_CONTROLLERS.digests(OPEN.files), copies))
 
 
 def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law: Path) -> None:
@@ -25,7 +25,7 @@ def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law
     child = spawn_child(tell, OPEN.share(names[:1]))
     digests, copies = child.receive(inf)
     child.end()
-    assert digests == controller_digests(names[:1])
+    assert digests == ALL_CONTROLLERS.digests(names[:1])
     assert [path.parents[1] for path in copies] == [OPEN.folder]
     assert all(path.is_file() for path in copies)
     assert dict(os.environ) == environment

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import plant_entry
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
@@ -25,7 +25,7 @@ def make(
     substeps: int = 1,
     start: np.ndarray = HANGING,
 ) -> Any:
-    plant = plant_entry(name).load()(rig, drive=drive, step=step, substeps=substeps, effects=effects)
+    plant = PLANTS.entry(name).load()(rig, drive=drive, step=step, substeps=substeps, effects=effects)
     plant.reset(start)
     return plant
 

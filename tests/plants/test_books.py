@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from cranectl.plants import registry
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import plant_entry
 from cranectl.scenario.effects import (
     Body,
     EffectNumbers,
@@ -79,7 +79,7 @@ def misses(name: str, effects: EffectSettings, drive: Drive, manner: Manner = DE
     not known, nor is the force that holds a heavy rope aside. Friction that sticks loses no energy.
     """
     kept = kept_books(name, effects, drive, manner)
-    driven = drive == "force" or (drive == "velocity" and plant_entry(name).servos)
+    driven = drive == "force" or (drive == "velocity" and registry.PLANTS.entry(name).servos)
     hanging = not (effects.rope and effects.rope.mass)
     has_friction = effects.friction and any(effects.friction.coulomb)
     pulled = [hanging] * 3 + [bool(driven or effects.frame)] * 2

@@ -7,7 +7,8 @@ from typing import Any
 import numba
 import numpy as np
 
-from cranectl.plants.analytic import AnalyticPlant, AnalyticRig, advance, integrate
+from cranectl.plants.analytic import AnalyticPlant, advance, integrate
+from cranectl.plants.analytic_rig import AnalyticRig
 from cranectl.plants.dop853 import STAGES
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters

@@ -13,7 +13,7 @@ from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.model_files import examine
-from cranectl.plants.registry import PLANTS, default_plants
+from cranectl.plants.registry import PLANTS
 from cranectl.plants.trials import ProbeRun, _outcome
 from cranectl.scenario.rig import PlantSettings, RigParameters
 from cranectl.simulate import simulate_run
@@ -45,7 +45,7 @@ def hall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_model_runs_beside_the_default_plants(hall: Path) -> None:
     assert main(["run", str(hall), "--drive", "velocity", "--out", "all.mcap", "--json", "all.json"]) == 0
-    assert [*read_log("all.mcap")] == [*default_plants(), "hall"]
+    assert [*read_log("all.mcap")] == [*PLANTS.by_default, "hall"]
     agreements = json.loads(Path("all.json").read_text())["agreements"]
     assert {agreement["plant"]: agreement["passed"] for agreement in agreements} == {
         "analytic": True,
@@ -84,7 +84,7 @@ def test_validate_leaves_out_drives_that_a_model_lacks(
     assert main(validate) == 0
     runs = json.loads(Path("v.json").read_text())["runs"]
     assert {run["drive"] for run in runs} == {"velocity"}
-    assert {run["plant"] for run in runs} == {*default_plants(), "hall"}
+    assert {run["plant"] for run in runs} == {*PLANTS.by_default, "hall"}
     assert main([*validate, "--drive", "ideal"]) == 2
     assert "take '--drive velocity'" in capsys.readouterr().err
 
@@ -92,7 +92,7 @@ def test_validate_leaves_out_drives_that_a_model_lacks(
 def test_a_failed_case_is_repeated_by_the_path_of_the_model(hall: Path) -> None:
     validate = ["validate", str(hall), "--controller", "lqr", "--junit", "junit.xml", "--keep", "none"]
     assert main([*validate, "--set", "limits.max_error_m=1e-9"]) == 1
-    assert f"--plants {','.join(default_plants())},../rigs/models/hall.xml" in Path("junit.xml").read_text()
+    assert f"--plants {','.join(PLANTS.by_default)},../rigs/models/hall.xml" in Path("junit.xml").read_text()
 
 
 def test_python_takes_the_path_of_a_model_as_a_plant(tmp_path: Path) -> None:

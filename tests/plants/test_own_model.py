@@ -15,7 +15,7 @@ from cranectl import open_run
 from cranectl.cli.main import main
 from cranectl.compare.agreement import judge
 from cranectl.compare.runs import compare_runs
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
 from cranectl.log.reader import read_log
@@ -268,7 +268,7 @@ def test_commands_work_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
     name = plant_named(str(Shipped.MODEL_FILE))
     scenario = load_scenario("fixed-position")
-    design = controller_design("lqr", scenario)
+    design = ALL_CONTROLLERS.design("lqr", scenario)
     session = Session(scenario, design, plants=[name], drive="velocity")
     child = ChildSession(scenario, design, plants=[name], drive="velocity")
     (run,), (other,) = session.advance(20), child.advance(20)

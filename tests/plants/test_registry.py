@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.plants import registry
-from cranectl.plants.registry import PLANTS, in_order, reference_plant, register_plant
+from cranectl.plants.registry import PLANTS, Plants, register_plant
 from cranectl.support.colours import LIGHT, VIEWER
 from cranectl.support.errors import InputError
 
@@ -62,11 +62,9 @@ def test_a_name_that_is_taken_or_cannot_be_a_topic_is_refused(name: str) -> None
         register_plant(replace(PLANTS["analytic"], name=name))
 
 
-def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last() -> None:
     third = replace(PLANTS["analytic"], name="third")
-    monkeypatch.setattr(registry, "PLANTS", registry.Plants(*PLANTS.values(), third))
-    assert in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
-    assert reference_plant(["third", "mujoco"]) == "mujoco"
-    assert reference_plant(["third", "analytic"]) == "third"
+    plants = Plants(*PLANTS.values(), third)
+    assert plants.in_order(["third", "mujoco", "third", "analytic"]) == ("analytic", "mujoco", "third")
+    assert plants.reference(["third", "mujoco"]) == "mujoco"
+    assert plants.reference(["third", "analytic"]) == "third"

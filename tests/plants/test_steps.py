@@ -12,14 +12,7 @@ from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.steps import (
-    describe_step,
-    is_short_enough,
-    longest_agreeing_step,
-    physics_step,
-    substeps,
-    with_step,
-)
+from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import load_rig, rig_names, scenario_names
 from cranectl.scenario.rig import RigParameters
@@ -41,15 +34,15 @@ def with_lags(seconds: float, *overrides: str, name: str = "fast-diagonal") -> S
 def test_shipped_scenarios_keep_their_steps(name: str, drive: Drive) -> None:
     """Their signals are the same to the bit as with the fixed step of earlier versions."""
     scenario = load_scenario(name)
-    assert physics_step(scenario, drive) == (scenario.control.physics_step or 0.001)
+    assert PhysicsStep(scenario, drive).seconds == (scenario.control.physics_step or 0.001)
     if scenario.control.physics_step is None:
-        assert is_short_enough(scenario, drive)
+        assert PhysicsStep(scenario, drive).is_short_enough
 
 
 @pytest.mark.parametrize("name", rig_names())
 def test_shipped_rigs_have_the_usual_step(name: str) -> None:
     scenario = load_scenario("fast-diagonal").model_copy(update={"rig": load_rig(name)})
-    assert {physics_step(scenario, drive) for drive in DRIVES} == {0.001}
+    assert {PhysicsStep(scenario, drive).seconds for drive in DRIVES} == {0.001}
 
 
 @pytest.mark.parametrize(
@@ -61,10 +54,12 @@ def test_the_default_is_the_longest_part_of_the_period_that_is_allowed(
     lag: float, period: float, step: float
 ) -> None:
     scenario = with_lags(lag, f"control.period={period}", "disturbances=[]", "duration=7.0")
-    assert physics_step(scenario, "velocity") == step
-    assert substeps(scenario, "velocity") == round(period / step)
-    assert is_short_enough(scenario, "velocity")
-    assert physics_step(scenario, "ideal") == physics_step(scenario, "force") == min(period, 0.001)
+    assert PhysicsStep(scenario, "velocity").seconds == step
+    assert PhysicsStep(scenario, "velocity").per_period == round(period / step)
+    assert PhysicsStep(scenario, "velocity").is_short_enough
+    assert (
+        PhysicsStep(scenario, "ideal").seconds == PhysicsStep(scenario, "force").seconds == min(period, 0.001)
+    )
 
 
 def test_larger_cranes_and_heavier_loads_have_shorter_steps() -> None:
@@ -98,9 +93,9 @@ def test_a_step_that_is_set_is_kept_and_promises_nothing(step: float) -> None:
     scenario = load_scenario(
         "fast-diagonal", overrides=[f"control.physics_step={step}", "control.period=0.02"]
     )
-    assert physics_step(scenario, "velocity") == step
-    assert not is_short_enough(scenario, "velocity")
-    assert describe_step(scenario, "velocity") == (
+    assert PhysicsStep(scenario, "velocity").seconds == step
+    assert not PhysicsStep(scenario, "velocity").is_short_enough
+    assert str(PhysicsStep(scenario, "velocity")) == (
         f"{step:g} s; agreement to 1e-7 m and rad is judged, not promised (condition: at most 0.001 s)"
     )
 
@@ -112,7 +107,7 @@ def test_every_door_takes_the_same_step() -> None:
     assert isinstance(plant, MujocoPlant)
     assert (plant.rig.substeps, plant.rig.step) == (5, 0.0002)
     run = simulate_run(scenario, drive="velocity", controller="lqr")
-    assert run.scenario == with_step(scenario, "velocity")
+    assert run.scenario == PhysicsStep(scenario, "velocity").stated()
     assert 'timestep="0.0002"' in run.model
     opened = open_run(scenario, plant="analytic", drive="velocity")
     opened.step([0.0, 0.0, 0.0])

@@ -15,7 +15,7 @@ import cranectl
 from cranectl.cli.main import main
 from cranectl.compare.agreement import against_reference
 from cranectl.log.overlay import read_layers
-from cranectl.plants.registry import PLANTS, PlantEntry, in_order, plants_to_run
+from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
 from cranectl.support.colours import VIEWER
@@ -214,9 +214,9 @@ def test_a_plant_known_from_a_log_only_cannot_be_run(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(PLANTS, "_logged", {})
     PLANTS.remember(PlantEntry("absent", "absent", "series-4", "", batch=0))
     assert "absent" not in list(PLANTS)
-    assert in_order(["absent", "analytic"]) == ("analytic", "absent")
+    assert PLANTS.in_order(["absent", "analytic"]) == ("analytic", "absent")
     with pytest.raises(InputError, match="the absent plant, which no installed package brings"):
-        plants_to_run(["absent"])
+        PLANTS.to_run(["absent"])
     PLANTS.remember(PlantEntry("mujoco", "forged", "series-4", "", batch=0))
     assert PLANTS["mujoco"].label == "MuJoCo"
 

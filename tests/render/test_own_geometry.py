@@ -10,8 +10,8 @@ import pytest
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import forget_models
 from cranectl.plants.mujoco.own_geometry import own_geometry
+from cranectl.plants.registry import PLANTS
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.scenario.rig import ModelNames
@@ -38,7 +38,7 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Run:
     )
     run = simulate_run(load_scenario(write_hall(folder)), plant=str(model), drive="velocity")
     log = write_log(folder / "one.mcap", [run], every=20)
-    forget_models()
+    PLANTS.forget_model_files()
     shutil.rmtree(folder / "parts")
     model.unlink()
     return read_log(log)["mine"]
@@ -75,8 +75,8 @@ def test_a_ghost_has_the_shape_of_its_rig(hall: Run) -> None:
     ghost = replace(hall, plant="mujoco")
     with renderer(timeline_of({"a": hall, "b": ghost}), "overview", WIDTH, HEIGHT) as pictures:
         (_, solid, _), (_, other, _) = pictures._tracks
-        assert solid.ngeom == 1 + len(SHAPES)
-        assert other.nmesh == 0
+        assert solid.model.ngeom == 1 + len(SHAPES)
+        assert other.model.nmesh == 0
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_other_models_are_drawn_with_the_shipped_shapes(model: str) -> None:
 def test_a_model_without_shapes_is_drawn_with_the_shipped_ones() -> None:
     scenario = load_scenario("fixed-position", overrides=["duration=0.1", UNDISTURBED, *RIGS["tendon"]])
     run = simulate_run(scenario, plant=str(MODELS / "tendon.xml"), drive="velocity")
-    forget_models()
+    PLANTS.forget_model_files()
     assert "cranectl_0" in run.model
     assert own_geometry(run.model, ModelNames()) is None
 

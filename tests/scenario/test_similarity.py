@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.registry import WHERE, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, WHERE
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import default_scenario, load_rig, rig_names
 from cranectl.scenario.rig import RigParameters
@@ -163,6 +163,6 @@ def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest:
 def test_every_default_of_a_controller_is_allowed_on_the_smallest_and_the_largest_rig(longest: float) -> None:
     length = RigParameters(rope_range=(0.5 * longest, longest)).length_scale
     for name in WHERE:
-        for parameter in load_controller(name).parameters:
+        for parameter in ALL_CONTROLLERS[name].parameters:
             sized = parameter.sized(parameter.default, length)
             assert parameter.checked(sized, name) == sized

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.controllers.registry import WHERE, controller_names, load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, WHERE, controller_names
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
@@ -121,7 +121,7 @@ def parameters() -> dict[str, Any]:
     """Return another value of each parameter of each controller that has its own table."""
     values: dict[str, Any] = {}
     for controller in WHERE:
-        for parameter in load_controller(controller).parameters:
+        for parameter in ALL_CONTROLLERS[controller].parameters:
             others = [choice for choice in parameter.choices if choice != parameter.default]
             number = 1.1 * parameter.default if isinstance(parameter.default, float) else 0.0
             values[f"controller.{controller}.{parameter.name}"] = others[0] if others else number or 0.1

@@ -11,7 +11,7 @@ from cranectl.campaign.load import load_campaign
 from cranectl.campaign.worker import PreparedCampaign
 from cranectl.cases.case import make_case, run_case
 from cranectl.cli.main import main
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import memory, simulate_run
@@ -114,7 +114,7 @@ def test_the_remedy_for_too_much_memory_works() -> None:
 
 def test_ten_minutes_at_a_millisecond_fit_into_memory() -> None:
     long_scenario = scenario(duration=600.0)
-    design = controller_design("lqr", long_scenario)
+    design = ALL_CONTROLLERS.design("lqr", long_scenario)
     memory.check_runs(long_scenario, design, "ideal", 2, logged=True)
     with pytest.raises(InputError, match="fewer plants"):
         memory.check_runs(long_scenario, design, "ideal", 9, logged=True)

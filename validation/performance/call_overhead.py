@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 
 from cranectl.cli.main import main as cranectl
-from cranectl.controllers.addressed import _call, bind_address
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.addressed import _call
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, prepare_controller
@@ -51,8 +51,8 @@ def measure_loaded_controllers(repeats: int) -> list[Measurement]:
         twin.__file__ = str(Path(folder, "twin.py"))
         exec(compile(Path(twin.__file__).read_text("utf-8"), twin.__file__, "exec"), twin.__dict__)
         scenario = load_scenario("settled-trajectory")
-        design = controller_design(open_controller(str(library)), scenario)
-        controller = bind_address(prepare_controller(scenario, design, "ideal", plan_scenario(scenario)))
+        design = ALL_CONTROLLERS.design(open_controller(str(library)), scenario)
+        controller = prepare_controller(scenario, design, "ideal", plan_scenario(scenario)).bound()
         rng = np.random.default_rng(1)
         measured, reference = rng.normal(size=(100, 12)), rng.normal(size=(100, 15))
         arguments = (controller.parameters, measured, reference, np.zeros(3), np.zeros(3))

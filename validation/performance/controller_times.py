@@ -16,9 +16,9 @@ import numpy as np
 
 from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.controllers.addressed import _call, bind_address, with_own_memory
+from cranectl.controllers.addressed import _call
 from cranectl.controllers.controller import Controller
-from cranectl.controllers.registry import controller_design, load_controller, register_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
 from cranectl.loaders.c_controller import HEADER
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
@@ -94,7 +94,7 @@ class RepeatedRun:
 
     def __init__(self, controller: str) -> None:
         scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
-        plan, design = plan_scenario(scenario), controller_design(controller, scenario)
+        plan, design = plan_scenario(scenario), ALL_CONTROLLERS.design(controller, scenario)
         self.controller = prepare_controller(scenario, design, DRIVE, plan)
         run = simulate_run(
             scenario,
@@ -108,7 +108,7 @@ class RepeatedRun:
 
     def time_sample(self) -> float:
         """Return the processor time of a sample [s], which other processes disturb less than clock time."""
-        compiled, memory = bind_address(with_own_memory(self.controller)), self.controller.start.copy()
+        compiled, memory = self.controller.with_own_memory().bound(), self.controller.start.copy()
         start = thread_time()
         failed = _run_steps(compiled, self.states, memory)
         elapsed = thread_time() - start
@@ -130,7 +130,7 @@ def measure_controllers(repeats: int) -> list[ControllerTime]:
     results = [
         ControllerTime(
             controller,
-            load_controller(controller).every,
+            ALL_CONTROLLERS[controller].every,
             summarise(f"a sample of {controller}", values, "µs"),
             min(values) / min(times[settings.baseline]),
         )

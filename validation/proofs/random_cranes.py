@@ -30,7 +30,7 @@ from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import plants_to_run
+from cranectl.plants.registry import PLANTS
 from cranectl.plants.steps import longest_agreeing_step
 from cranectl.report.run.differences import pair_tables
 from cranectl.scenario import Scenario
@@ -232,7 +232,7 @@ def main() -> int:
     screen = Screen()
     screen.print(f"{options.cases} random cases, seed {options.seed}")
     draw = random_rigs if options.rigid else random_cases
-    generator = draw(options.seed, plants_to_run(options.plants.split(",")))
+    generator = draw(options.seed, PLANTS.to_run(options.plants.split(",")))
     cases = tuple(itertools.islice(generator, options.cases))
     validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
     for table in pair_tables(pairwise(validation)):

@@ -46,7 +46,7 @@ from cranectl.campaign.manifest import software_of
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.controller_options import opened
-from cranectl.controllers.registry import controller_digests
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.support.documents import read_toml, toml_text
 from cranectl.support.errors import InputError
 from cranectl.support.files import write_text
@@ -180,7 +180,7 @@ def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> in
             table = judge_again(table, judged, rules, numbers)
         for controller, folder in folders.items():
             stamp_numbers(controller, rules, folder, folder)
-    known, digests = table.about["laws"], controller_digests(own)
+    known, digests = table.about["laws"], ALL_CONTROLLERS.digests(own)
     stamped = {name: known[name] | {"file": digests.get(f"law {name}", "")} for name in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
     write_table(TABLE, BenchmarkTable(about, table.trials))

@@ -19,7 +19,7 @@ from scipy.linalg import expm
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_plant
 from cranectl.controllers import only_flat
-from cranectl.plants import derivative, ideal_inertia
+from cranectl.plants import ideal_inertia
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
@@ -97,32 +97,14 @@ def integrator_error(run: Run, loop: TrajectoryLoop) -> Ports:
     states, inputs, disturbances = (
         np.ascontiguousarray(run.block(name)) for name in ("state", "input", "disturbance")
     )
-    runge_kutta_defect(analytic_plant(run).rig, states, inputs[:, :3], disturbances, loop.winds, ports.local)
+    analytic_plant(run).write_runge_kutta_defect(
+        states, inputs[:, :3], disturbances, winds=loop.winds, defect=ports.local
+    )
     load, joints = run.block("load")[:-1, 6:7], states[:-1]
     alpha, beta = joints[:, ALPHA], joints[:, BETA]
     direction = np.column_stack([np.sin(beta), np.cos(beta) * np.sin(alpha), np.ones(len(joints))])
     ports.drive[:] = load * direction / ideal_inertia(run.scenario.rig)
     return ports
-
-
-@jit_called
-def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
-    """Write an RK4 step from each state minus the next state into `defect` (N - 1, >= 10)."""
-    rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
-    step = rig.step
-    for k in range(len(defect)):
-        state[:] = states[k]
-        for _ in range(rig.substeps):
-            for stage in range(4):
-                reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-                for i in range(10):
-                    work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
-                derivative(rig, work, commands[k], disturbances[k], winds[k], rates[stage])
-            for i in range(10):
-                increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
-                state[i] += step / 6.0 * increment
-        for i in range(10):
-            defect[k, i] = state[i] - states[k + 1, i]
 
 
 def delay_error(loop: TrajectoryLoop, commands: Array) -> Ports:

@@ -16,7 +16,7 @@ from cranectl.analysis.budget.trajectory_loop import STRUCTURE, nominal_run
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers import flat_design, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, only_flat
 from cranectl.scenario import EffectSettings, Scenario
 from cranectl.simulate import check_several, simulate_run
 from cranectl.support import InputError
@@ -154,7 +154,7 @@ def error_budget(
     levels = LEVELS[: LEVELS.index(top) + 1]
     scenarios = level_scenarios(scenario, levels)
     check_steps(scenario, scenarios[LEVELS.index("servos") :])
-    design = flat_design(controller or scenario.controller.name, scenario)
+    design = ALL_CONTROLLERS.flat_design(controller or scenario.controller.name, scenario)
     columns = PER_SAMPLE + PER_ROBUSTIFIER_STATE * design.robustifier.order
     check_several(scenario, design, 3, "a budget", columns=columns, max_bytes=MAX_BUDGET_BYTES)
     nominal = nominal_run(scenario, controller)

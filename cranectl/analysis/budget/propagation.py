@@ -14,9 +14,9 @@ from cranectl.analysis.budget.trajectory_loop import (
     ROBUSTIFIER,
     TrajectoryLoop,
     command_outputs,
-    next_states,
 )
 from cranectl.controllers import only_flat
+from cranectl.plants import next_states
 from cranectl.simulate import Run, tracker_of
 from cranectl.support import Array, jit_called
 

@@ -23,30 +23,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers import Tracker, flat_design, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, Tracker, only_flat
 from cranectl.design import diagonal
 from cranectl.model import flat_output, linearising_input
-from cranectl.plants import (
-    STATES,
-    AnalyticCrane,
-    AnalyticPlant,
-    ElasticCrane,
-    ElasticHandle,
-    ElasticPlant,
-    Kernels,
-    addressed_plant,
-    advance_addressed,
-    hanging_states,
-    lacking,
-    load_positions,
-    make_crane,
-    make_work,
-    plant_entry,
-    set_damping,
-    substeps,
-)
+from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, PhysicsStep, Plant, next_states
 from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario
-from cranectl.signals import ROPE
 from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
 from cranectl.support import Array, jit_called
 
@@ -54,22 +35,15 @@ EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
 # Effects that change the equations of motion of the elastic crane.
 STRUCTURE = tuple(
-    name for name, kind in EFFECTS.items() if kind.is_structural and not lacking(plant_entry("elastic"), name)
+    name for name, kind in EFFECTS.items() if kind.is_structural and not PLANTS["elastic"].why_lacking(name)
 )
 LINEARISATION_STRIDE = 4  # samples that share one linearisation of the elastic crane
-
-
-class SteppedPlant(NamedTuple):
-    """The plant of a loop."""
-
-    kernels: Kernels
-    handle: AnalyticCrane | ElasticHandle
 
 
 class TrajectoryLoop(NamedTuple):
     """N samples of a run, linearised; p states of the plant that move, n = p + 5 + 3 robustifier states."""
 
-    plant: SteppedPlant | None  # None for kernels, see `matrices`
+    plant: Plant | None  # None for kernels, see `matrices`
     moving: NDArray[np.intp]  # (p,) states of the plant that move
     states: Array  # (N, 10 or 22) nominal
     commands: Array  # (N - 1, 3) nominal: accelerations for ideal drives, else velocities
@@ -106,30 +80,6 @@ class TrajectoryLoop(NamedTuple):
 
 
 @jit_called
-def step_each(plant, state, load, ports, winds, following):
-    """Write the states one control period after `ports`, see `next_states`, into `following`.
-
-    `state` is that of `plant`; `load` (7,) is work space.
-    """
-    size = state.shape[0]
-    for k in range(len(following)):
-        for i in range(size):
-            state[i] = ports[k, i]
-        command = (ports[k, size], ports[k, size + 1], ports[k, size + 2])
-        advance_addressed(plant, command, ports[k, size + 3 :], winds[k], load)
-        for i in range(size):
-            following[k, i] = state[i]
-
-
-def next_states(plant: SteppedPlant, ports: Array, winds: Array) -> Array:
-    """Return the plant states (N, s) one period after `ports` (N, s + 5): state, command, disturbance."""
-    following, handle = np.zeros((len(ports), ports.shape[1] - 5)), plant.handle
-    ports, winds = np.ascontiguousarray(ports), np.ascontiguousarray(winds)
-    step_each(addressed_plant(plant.kernels, handle), handle.state, np.zeros(7), ports, winds, following)
-    return following
-
-
-@jit_called
 def command_each(gravity, ports, flat, command):
     """Write the result of `command_outputs` into `flat` (N, 12) and `command` (N, 3)."""
     for k in range(len(ports)):
@@ -163,7 +113,7 @@ def linearise_run(run: Run) -> TrajectoryLoop:
     controller_state, controller_input = _controller_matrices(tracker)
     none = np.zeros((0, 10, 10))
     loop = TrajectoryLoop(
-        plant=SteppedPlant(AnalyticPlant.kernels, analytic_plant(run).handle),
+        plant=analytic_plant(run),
         moving=np.arange(10),
         states=np.ascontiguousarray(run.block("state")),
         commands=run.block("input")[:-1, :3],
@@ -185,20 +135,20 @@ def linearise_run(run: Run) -> TrajectoryLoop:
     return _with_linear_plant(loop)
 
 
-def with_elastic_crane(run: Run, loop: TrajectoryLoop, crane: ElasticCrane, winds: Array) -> TrajectoryLoop:
-    """Return the `loop` along `run` with another plant: `crane` with velocity drives in `winds` (N, 6)."""
-    states, outputs = hanging_states(crane, loop.states, run.tension), loop.outputs
-    others = np.zeros((*outputs.shape[:2], len(crane.changing) - 10))
+def with_elastic_crane(run: Run, loop: TrajectoryLoop, plant: ElasticPlant, winds: Array) -> TrajectoryLoop:
+    """Return the `loop` along `run` with another plant: the elastic one, in `winds` (N, 6)."""
+    states, outputs, moving = plant.hanging_states(loop.states, run.tension), loop.outputs, plant.moving
+    others = np.zeros((*outputs.shape[:2], len(moving) - 10))
     return _with_linear_plant(
         loop._replace(
-            plant=SteppedPlant(ElasticPlant.kernels, ElasticHandle(crane, np.zeros(STATES), make_work())),
-            moving=crane.changing,
+            plant=plant,
+            moving=moving,
             states=states,
             commands=run.block("input")[:-1, 3:],
             winds=winds,
             stride=LINEARISATION_STRIDE,
-            load=row_jacobians(partial(load_positions, crane), states, crane.changing),
-            load_offset=load_positions(crane, states) - run.load_position,
+            load=row_jacobians(plant.load_positions, states, moving),
+            load_offset=plant.load_positions(states) - run.load_position,
             outputs=np.concatenate([outputs[:, :, :10], others, outputs[:, :, 10:]], axis=2),
             lead=make_actuation(run.scenario).lag,
             integral=1.0,
@@ -283,18 +233,22 @@ class LinearisedRun:
         if structure not in self._loops:
             run, chosen = self.run, self.effects.only(*structure)
             scenario = run.scenario
-            steps = substeps(scenario, "velocity")
-            step = scenario.period_ns / NANOSECONDS / steps
-            crane = make_crane(scenario.rig, chosen, "velocity", step=step, substeps=steps)
-            set_damping(crane, chosen, float(run.block("state")[0, ROPE]))
+            steps = PhysicsStep(scenario, "velocity").per_period
+            plant = ElasticPlant(
+                scenario.rig,
+                drive="velocity",
+                step=scenario.period_ns / NANOSECONDS / steps,
+                substeps=steps,
+                effects=chosen,
+            )
             winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
-            self._loops[structure] = with_elastic_crane(run, self.loop, crane, winds)
+            self._loops[structure] = with_elastic_crane(run, self.loop, plant, winds)
         delay = round(self.effects.delay.seconds / self.loop.period) if "delay" in effects else 0
         return self._loops[structure]._replace(delay=delay)
 
 
 def nominal_run(scenario: Scenario, controller: str | None = None) -> LinearisedRun:
     """Run and linearise the sampled ideal of `scenario`: the analytic plant, ideal drives and no effects."""
-    design = flat_design(controller or scenario.controller.name, scenario)
+    design = ALL_CONTROLLERS.flat_design(controller or scenario.controller.name, scenario)
     run = simulate_run(replace_effects(scenario, EffectSettings()), plant="analytic", design=design)
     return LinearisedRun(run, linearise_run(run), assumed_effects(scenario))

@@ -29,7 +29,7 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
-from cranectl.controllers import LinearController, controller_of, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, LinearController, only_flat
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, MujocoPlant
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -209,7 +209,7 @@ def make_nominal_loops(
     lengths = list(dict.fromkeys(point.rope_length for point in points))
     if design.axis_design is not None:
         return dict.fromkeys(lengths, make_nominal_loop(scenario, design, opened_at))
-    controller = controller_of(design)
+    controller = ALL_CONTROLLERS.of_design(design)
     if controller.linearise is None or (controller.command, controller.measures, controller.every) != (
         "acceleration",
         "state",

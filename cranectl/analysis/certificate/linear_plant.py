@@ -23,9 +23,9 @@ from cranectl.analysis.certificate.operating_points import (
     EquilibriumState,
     OperatingPoint,
     find_equilibrium,
-    step_at,
+    signals_at,
 )
-from cranectl.analysis.certificate.systems import SampledSystem, jacobian
+from cranectl.analysis.certificate.systems import SampledSystem
 from cranectl.controllers import (
     EXPECTED,
     JOINTS,
@@ -40,7 +40,7 @@ from cranectl.controllers import (
 )
 from cranectl.design import design_controller
 from cranectl.model import angular_accelerations, flat_output
-from cranectl.plants import DRIVES, BaseState, Drive, MujocoPlant, change_since, count_coordinates, set_state
+from cranectl.plants import DRIVES, Drive, MujocoPlant, jacobian
 from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
 from cranectl.simulate import Actuation, actuate, make_actuation, make_plant, tracker_of
@@ -114,14 +114,14 @@ def linear_plant(
     tracker = tracker_of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
     wind = scenario.effects.wind
     air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
-    base, command, state = find_equilibrium(plant, point, drive, air, tracker.gravity)
-    crane_matrix = _crane_matrix(plant, base, command, np.array(point.tilt), air)
+    equilibrium = find_equilibrium(plant, point, air, tracker.gravity)
+    state, crane_matrix = signals_at(equilibrium.joints, tracker.gravity), equilibrium.linearise()
     sensing = scenario.effects.sensing
     arguments = {"period": tracker.period, "gravity": tracker.gravity}
     observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
     actuation = make_actuation(scenario)
     controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
-    memory = _equilibrium_memory(state, command, observer)
+    memory = _equilibrium_memory(state, equilibrium.command, observer)
     at = np.concatenate([state.joints, memory, state.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     controller_matrix = jacobian(controller_map, at, steps)
@@ -137,26 +137,6 @@ def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
     plant = make_plant("mujoco", scenario.model_copy(update={"effects": effects}), drive)
     assert isinstance(plant, MujocoPlant)
     return plant
-
-
-def _crane_matrix(plant: MujocoPlant, base: BaseState, command: Array, tilt: Array, air: Array) -> Array:
-    """Return the matrix (n, n + 3) from (change of state, command) to the change one period later."""
-    # The ten joints come first. Coordinates that affect nothing are left out.
-    n, load = count_coordinates(plant), np.zeros(7)
-
-    def crane(values: Array) -> Array:
-        set_state(plant, base, values[:n])
-        plant.advance(values[n:], tilt, air, load)
-        return change_since(plant, base)
-
-    at, step = np.append(np.zeros(n), command), step_at(plant, base)
-    matrix = jacobian(crane, at, np.full(n + 3, step))
-    moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= ZERO_TOLERANCE  # [state, by another]
-    retained = np.arange(n)
-    while not (needed := (retained < JOINT_SIGNALS) | moving[np.ix_(retained, retained)].any(axis=0)).all():
-        retained = retained[needed]
-    reduced: Array = matrix[np.ix_(retained, [*retained, *range(n, n + 3)])]
-    return reduced
 
 
 def _equilibrium_memory(state: EquilibriumState, command: Array, observer: Observer | None) -> Array:

@@ -7,10 +7,7 @@ At an operating point no drive accelerates and the angles rest, while d_alpha, d
 The tracker interprets the tilt as an acceleration of the load, so its states are not those of a load at rest:
 zeta = g (cos² alpha cos² beta - 1), and v_x, v_y keep the slopes constant.
 
-Newton's method on the forces of the engine finds the equilibrium of a crane with effects. Given are the
-measured rope length and its rate, with drives at rest. Unknown are all other coordinates (angles, stretch of
-the rope, body under its hook, frame) and the command that compensates the static error of the servos. A
-coordinate that affects no force, such as the rotation of the load about its rope, keeps its value.
+The plant finds the equilibrium of a crane with effects; see `plants.mujoco.linearisation`.
 """
 
 import itertools
@@ -20,22 +17,10 @@ from math import asin, cos, sqrt
 
 import numpy as np
 
-from cranectl.analysis.certificate.systems import jacobian
 from cranectl.model import slopes_from_angles
-from cranectl.plants import (
-    DRIVES,
-    BaseState,
-    Drive,
-    MujocoPlant,
-    displace,
-    free_coordinates,
-    load_velocity,
-    present_state,
-    rope_stretch,
-    unbalanced_forces,
-)
+from cranectl.plants import Equilibrium, MujocoPlant
 from cranectl.scenario import Scenario
-from cranectl.signals import ALPHA, BETA, ROPE
+from cranectl.signals import ALPHA, BETA, ROPE, ROPE_RATE
 from cranectl.support import Array, InputError
 
 MAX_OPERATING_POINTS = 2000  # of a certificate
@@ -136,59 +121,16 @@ def grid_of(
     return [OperatingPoint(*values) for values in combinations]
 
 
-STEP = 1e-5  # of the differences, in each signal's unit
-MAX_STRETCH_SHARE = 0.1  # largest step as a share of the rope's stretch, so that the rope stays taut
-REST_FORCE_TOLERANCE = 1e-9  # of the load's weight [N, N m]
-SINGULAR = 1e-10  # smaller singular values, as a share of the largest, belong to coordinates without effect
-REST_ITERATIONS = 30
-
-
-def find_equilibrium(
-    plant: MujocoPlant, point: OperatingPoint, drive: Drive, air: Array, gravity: float
-) -> tuple[BaseState, Array, EquilibriumState]:
-    """Return engine state, command (3,) and tracker's signals at rest; raise InputError if there is none."""
-    start, free = _starting_guess(plant, point, gravity), free_coordinates(plant)
-    commands = 0 if DRIVES[drive].at_rest == "nothing" else 3
-
-    def split(unknown: Array) -> tuple[BaseState, Array]:
-        displacement, command = np.zeros(plant.model.nv), np.zeros(3)
-        displacement[free], command[:commands] = unknown[commands:], unknown[:commands]
-        return displace(plant, start, displacement), command
-
-    def residual(unknown: Array) -> Array:
-        force = unbalanced_forces(plant, *split(unknown), np.array(point.tilt), air)
-        return force if commands else force[free]
-
-    unknown, tolerance = np.zeros(commands + len(free)), REST_FORCE_TOLERANCE * plant.rig.load_mass * gravity
-    for _ in range(REST_ITERATIONS):
-        force = residual(unknown)
-        if np.abs(force).max() < tolerance:
-            break
-        steps = np.full(len(unknown), step_at(plant, split(unknown)[0]))
-        unknown -= np.linalg.lstsq(jacobian(residual, unknown, steps), force, rcond=SINGULAR)[0]
-    state, command = split(unknown)
-    joints = np.zeros(10)
-    joints[0::2], joints[1::2] = state.qpos[plant.rig.joints], state.qvel[plant.rig.rates]
-    if not np.abs(force).max() < tolerance or np.abs(joints[[ALPHA, BETA]]).max() > np.arcsin(MAX_SINE):
+def find_equilibrium(plant: MujocoPlant, point: OperatingPoint, air: Array, gravity: float) -> Equilibrium:
+    """Return the equilibrium of the plant at `point` in the wind `air` (6,); raise InputError without one."""
+    start = np.zeros(10)
+    start[ROPE], start[ROPE_RATE] = point.rope_length, point.hoisting_speed
+    start[ALPHA], start[BETA] = tilt_angles(point, gravity)
+    found = plant.find_equilibrium(start, tilt=np.array(point.tilt), air=air)
+    if found is None or np.abs(found.joints[[ALPHA, BETA]]).max() > np.arcsin(MAX_SINE):
         raise InputError(
             f"there is no equilibrium at {point} with the scenario's effects",
             allowed="operating points with an equilibrium",
             remedy="choose a smaller tilt, or weaker effects",
         )
-    return state._replace(load_velocity=load_velocity(plant)), command, signals_at(joints, gravity)
-
-
-def _starting_guess(plant: MujocoPlant, point: OperatingPoint, gravity: float) -> BaseState:
-    """Return the equilibrium of a crane without effects, with the rope stretched as at rest."""
-    joints = np.zeros(10)
-    joints[ROPE] = point.rope_length
-    joints[ALPHA], joints[BETA] = tilt_angles(point, gravity)
-    plant.reset(joints)
-    start = present_state(plant)
-    start.qvel[[plant.rig.rates[2], plant.rig.distance[1]]] = point.hoisting_speed
-    return start
-
-
-def step_at(plant: MujocoPlant, base: BaseState) -> float:
-    """Return the step of the differences about `base`."""
-    return min(STEP, MAX_STRETCH_SHARE * max(rope_stretch(plant, base), 1e-9))
+    return found

@@ -76,16 +76,6 @@ def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int)
     return SampledSystem(a, b, c, d)
 
 
-def jacobian(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
-    """Return the Jacobian of `function` by central differences, (outputs, inputs)."""
-    columns = []
-    for k, step in enumerate(steps):
-        offset = np.zeros(len(at))
-        offset[k] = step
-        columns.append((function(at + offset) - function(at - offset)) / (2.0 * step))
-    return np.column_stack(columns)
-
-
 GRID_START = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
 GRID_PER_DECADE = 12
 POLE_NEIGHBOURS = np.array([-4.0, -2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0, 4.0])  # in distances pole to circle

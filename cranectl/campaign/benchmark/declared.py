@@ -10,7 +10,7 @@ from math import copysign, log
 from typing import Any, NamedTuple
 
 from cranectl.campaign.benchmark.settings import Benchmark
-from cranectl.controllers import checked_controller, controller_digests, load_controller
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.scenario import DesignSettings, Scaled
 from cranectl.support import leaves
 
@@ -59,7 +59,7 @@ DESIGN_BOUNDS: dict[str, dict[str, tuple[float, float]]] = {
 
 def variables_of(name: str) -> tuple[Variable, ...]:
     """Return the numbers of the controller `name` that tuning may change; raise InputError if unknown."""
-    controller = load_controller(checked_controller(name))
+    controller = ALL_CONTROLLERS[ALL_CONTROLLERS.checked(name)]
     if controller.axis_design is not None:
         default = dict(leaves(DesignSettings().model_dump()))
         bounds = {key: ends for part in name.split("+") for key, ends in DESIGN_BOUNDS[part].items()}
@@ -120,7 +120,7 @@ def information(name: str) -> dict[str, Any]:
     `reads_path` is True if its design uses the whole path. `reads_path` and `rig` are None if the controller
     does not declare what it reads.
     """
-    controller = load_controller(name)
+    controller = ALL_CONTROLLERS[name]
     reads = controller.reads
     masses = ["masses"] if controller.command == "force" else []  # the loop needs them to interpret a force
     return {
@@ -131,7 +131,7 @@ def information(name: str) -> dict[str, Any]:
         "reads_path": None if reads is None else "path" in reads,
         "every": controller.every,
         "rig": None if reads is None else sorted({*reads} - {"path"}) + masses,
-        "file": controller_digests([name]).get(f"law {name}", ""),
+        "file": ALL_CONTROLLERS.digests([name]).get(f"law {name}", ""),
     }
 
 

@@ -23,7 +23,7 @@ from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store,
 from cranectl.campaign.table import FAILED
 from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Engine
-from cranectl.controllers import controller_digests
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.support import InputError, MachineError, Table, provenance_differences
 
@@ -203,7 +203,7 @@ def _check_same(results: Results, expected: Table, controller: str) -> None:
         "runs": expected["runs"],
     }
     phrases = differences(adapted, expected)
-    digest = controller_digests([controller]).items()
+    digest = ALL_CONTROLLERS.digests([controller]).items()
     phrases += [f"{controller} has changed" for o in results.origins if not digest <= o.versions.items()][:1]
     if phrases:
         raise InputError(

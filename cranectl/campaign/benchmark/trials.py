@@ -24,9 +24,9 @@ from cranectl.campaign.benchmark.settings import (
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import is_distribution, parse_campaign
-from cranectl.controllers import checked_controller, load_controller
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import limits_of
-from cranectl.plants import with_step
+from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
 from cranectl.support import FINGERPRINT_DIGITS, InputError, is_path, leaves, syntax_of
 
@@ -51,7 +51,7 @@ class Trial(NamedTuple):
 
 def follows(controller: str) -> str:
     """Return what a controller follows, "path" or "set-point"; raise InputError if it is unknown."""
-    return load_controller(checked_controller(controller)).follows
+    return ALL_CONTROLLERS[ALL_CONTROLLERS.checked(controller)].follows
 
 
 def sets_of(benchmark: Benchmark) -> dict[str, CraneSet]:
@@ -193,7 +193,7 @@ def trial_campaign(
     }
     campaign = unchecked_campaign(parse_campaign(table, benchmark.name))
     # All cranes have the step of the nominal one, so that judged runs do not depend on how steps are chosen.
-    return replace(campaign, nominal=with_step(campaign.nominal, campaign.settings.drive))
+    return replace(campaign, nominal=PhysicsStep(campaign.nominal, campaign.settings.drive).stated())
 
 
 def scenario_source(benchmark: Benchmark, scenario: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Point, Tuned
-from cranectl.controllers import OPEN, controller_argument
+from cranectl.controllers import ALL_CONTROLLERS, OPEN
 from cranectl.support import (
     FileKind,
     InputError,
@@ -147,7 +147,7 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
     """
     path = directory / f"{controller}.toml"
     option = [] if benchmark == DEFAULT else ["--benchmark", benchmark]
-    command = ["cranectl", "tune", controller_argument(controller), *option, "--out", str(directory)]
+    command = ["cranectl", "tune", ALL_CONTROLLERS.argument(controller), *option, "--out", str(directory)]
     tune_again = shlex.join(command)
     if not path.is_file():
         raise InputError(f"{controller} is not tuned: {path} is not a file", remedy=f"tune it: {tune_again}")

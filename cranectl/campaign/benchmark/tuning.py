@@ -29,7 +29,7 @@ from cranectl.campaign.summary import failed
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Children, make_worker
-from cranectl.controllers import runs_alone
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT
@@ -228,7 +228,7 @@ def tune(
             allowed=f"{2 * cranes.runs} runs or more",
             remedy="raise --runs, or the benchmark's tuning.runs",
         )
-    threads = 1 if runs_alone([controller]) else workers
+    threads = 1 if ALL_CONTROLLERS.run_alone([controller]) else workers
     with _evaluator(cranes, threads, advance) as evaluate:
         points = _search(cranes, evaluations, evaluate, known, keep)
     tuned = Tuned(controller, variables, evaluations, cranes.runs, tuple(points), {})

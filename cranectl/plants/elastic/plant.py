@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cranectl.plants.elastic.crane import (
     BODY,
@@ -13,6 +14,7 @@ from cranectl.plants.elastic.crane import (
     ElasticCrane,
     Work,
     hanging_states,
+    load_positions,
     make_crane,
     make_work,
     set_damping,
@@ -76,7 +78,7 @@ class ElasticPlant:
     """The elastic crane behind the plant interface."""
 
     name = "elastic"
-    kernels = Kernels(measure_joints, advance, no_warnings)
+    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)
     description = "cranectl.plants.elastic, fixed steps of the method of Dormand and Prince of order 5"
 
     def __init__(
@@ -126,6 +128,23 @@ class ElasticPlant:
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[ROPE])
         self.state[:] = taut_state(self.crane, self.effects, state, self.drive)[0]
+
+    @property
+    def moving(self) -> NDArray[np.int64]:
+        """Indices of the states that can change."""
+        return self.crane.changing
+
+    def hanging_states(self, joints: Array, tension: Array) -> Array:
+        """Return states (N, 22) along a motion with `joints` (N, 10) and rope tension (N,) [N].
+
+        The rope has its damping ratio at the first of them.
+        """
+        set_damping(self.crane, self.effects, float(joints[0, ROPE]))
+        return hanging_states(self.crane, joints, tension)
+
+    def load_positions(self, states: Array) -> Array:
+        """Return the position of the load in the world, (N, 3) [m], of `states` (N, 22)."""
+        return load_positions(self.crane, states)
 
     @property
     def handle(self) -> ElasticHandle:

@@ -28,6 +28,7 @@ UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_
 NAMES = (
     "check the names in [plant.names], and the gear of drives that move backwards; no crane may slew or luff"
 )
+MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 
 
 class SiteModel:
@@ -135,6 +136,21 @@ class OwnModel(SiteModel):
         """Yield the states (10,) of PLACES, at rest with the load below the pivot."""
         for x, y, longer in PLACES:
             yield self.rest + self.rest[ROPE] * np.array([x, 0.0, y, 0.0, longer, *(0.0,) * 5])
+
+    @property
+    def built_in(self) -> dict[str, float]:
+        """The numbers of the rig that the model has, by their names in a rig."""
+        both, trolley, winch = self.driven_masses
+        masses = (both - trolley, trolley, max(winch - self.load_mass, MIN_STATED), self.load_mass)
+        parts = ("bridge", "trolley", "winch", "load")
+        numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
+        if self.servo != "force":
+            _, stiffness, damping = -self.model.actuator_biasprm[self.drives, :3].T
+            is_velocity = self.servo == "velocity"
+            lags = self.driven_masses / (self.ratios**2 * damping) if is_velocity else damping / stiffness
+            for part, lag in zip(parts, lags, strict=False):
+                numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
+        return {name: float(number) for name, number in {"gravity": self.gravity, **numbers}.items()}
 
     def _moments(self, data: mujoco.MjData) -> Array:
         """Return the gradient (3, nv) of the actuators' lengths."""

@@ -11,15 +11,13 @@ import numpy as np
 
 from cranectl.plants.mujoco.own_check import find_differences
 from cranectl.plants.mujoco.own_file import embed_files, spec_of_file
-from cranectl.plants.mujoco.own_model import OwnModel, open_model
+from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PlantEntry
 from cranectl.scenario import EffectSettings, ModelNames, RigParameters
 from cranectl.support import Array
-
-MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
 
 
 class OwnPlant(MujocoPlant):
@@ -97,21 +95,6 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
         arguments={**entry.arguments, "names": names},
         digest=own.digest,
         drives=("force" if own.servo == "force" else "velocity",),
-        fixed=built_in(own),
+        fixed=own.built_in,
         differs=", ".join(difference.text for difference in find_differences(own)),
     )
-
-
-def built_in(own: OwnModel) -> dict[str, float]:
-    """Return the numbers of the rig that a model has, by their names in a rig."""
-    both, trolley, winch = own.driven_masses
-    masses = (both - trolley, trolley, max(winch - own.load_mass, MIN_STATED), own.load_mass)
-    parts = ("bridge", "trolley", "winch", "load")
-    numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
-    if own.servo != "force":
-        _, stiffness, damping = -own.model.actuator_biasprm[own.drives, :3].T
-        is_velocity = own.servo == "velocity"
-        lags = own.driven_masses / (own.ratios**2 * damping) if is_velocity else damping / stiffness
-        for part, lag in zip(parts, lags, strict=False):
-            numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
-    return {name: float(number) for name, number in {"gravity": own.gravity, **numbers}.items()}

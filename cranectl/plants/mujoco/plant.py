@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cranectl.plants.mujoco.disturbed_step import StageWork, stage_work, step_in_stages
 from cranectl.plants.mujoco.effects import EFFECT_MODELS, derive_constants, write_model
 from cranectl.plants.mujoco.engine import mj_step
+from cranectl.plants.mujoco.linearisation import Equilibrium, find_equilibrium
 from cranectl.plants.mujoco.model import (
     compiled_model,
     drive_addresses,
@@ -230,6 +231,24 @@ class MujocoPlant:
         self._write_state(trial, state)
         rate, step = fastest_rate(self.model, trial), self.rig.step
         check_rate(rate, self.effects, length, step=step, period=step * self.rig.substeps)
+
+    def find_equilibrium(self, start: Array, *, tilt: Array, air: Array) -> Equilibrium | None:
+        """Return the equilibrium near the joints `start` (10,), with its rope length and rate, or None.
+
+        Parameters
+        ----------
+        start : Array
+            Joints (10,) of the crane without effects, in the order of `signals.STATE`.
+        tilt : Array
+            Disturbance (2,) of the angles [rad/s²].
+        air : Array
+            Wind (6,), as in `Plant.advance`.
+        """
+        return find_equilibrium(self, start, tilt=tilt, air=air)
+
+    def set_command(self, command: Array) -> None:
+        """Write `command` (3,) into the engine without advancing it."""
+        set_command(self.rig, command)
 
     def _restart(self, state: Array) -> None:
         """Reset the engine, then write `state` (10,) into it."""

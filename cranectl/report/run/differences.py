@@ -7,7 +7,7 @@ from typing import Any
 
 from cranectl.cases.pairwise import Pairwise, WorstPair
 from cranectl.compare import Comparison, RegressionVerdict, worst_first
-from cranectl.plants import describe_step
+from cranectl.plants import PhysicsStep
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.simulate import Run
 from cranectl.support import PROCESSOR_ROUNDING, difference_in, difference_text, leaves, plain
@@ -34,7 +34,7 @@ def what_was_run(logs: Logs) -> Table:
         "disturbances": [_text(run.scenario.disturbed_by) for run in first],
         "effects": [", ".join(run.scenario.effects.names) or "none" for run in first],
         "physics step": [
-            describe_step(run.scenario, run.drive) if run.has_reference else "–" for run in first
+            str(PhysicsStep(run.scenario, run.drive)) if run.has_reference else "–" for run in first
         ],
     }
     return _by_log("What was run", logs, facts)

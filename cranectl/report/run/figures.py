@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from cranectl.plants import plant_entry
+from cranectl.plants import PLANTS
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
 from cranectl.signals import RESIDUAL, flat_groups, measured_groups, recorded_groups
 from cranectl.simulate import Run
@@ -192,7 +192,7 @@ def _lines(family: Family, curves: Sequence[RunCurve]) -> Iterator[tuple[Run, li
     for curve in sorted(curves, key=lambda curve: not curve.wide):
         width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
         style = {"color": STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
-        style |= {"linestyle": curve.dash, "label": f"{curve.label}, {plant_entry(curve.run.plant).label}"}
+        style |= {"linestyle": curve.dash, "label": f"{curve.label}, {PLANTS.entry(curve.run.plant).label}"}
         yield curve.run, [panel.values(curve.run) for panel in family.panels], style
 
 
@@ -228,7 +228,7 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
     for plant, curve in {curve.run.plant: curve for curve in curves}.items():
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
         style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
-        lines.append(Line2D([], [], color=STAND_IN["ink"], label=plant_entry(plant).label, **style))
+        lines.append(Line2D([], [], color=STAND_IN["ink"], label=PLANTS.entry(plant).label, **style))
     if any(panel.reference for panel in family.panels) and curves[0].run.has_reference:
         lines.append(Line2D([], [], **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):

@@ -11,7 +11,7 @@ from cranectl.cases.case import RunSummary, judged_limits
 from cranectl.cases.drive_use import drive_uses
 from cranectl.compare import Agreement, ended_as_expected
 from cranectl.metrics import LimitVerdict, RunMetrics, all_metrics
-from cranectl.plants import in_order, plant_entry, reference_plant, shown_plant
+from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
 from cranectl.report.table import VERDICTS, Cell, Table, cells
@@ -35,7 +35,7 @@ def first_screen_of(
     badge = BADGES[passed]
     if passed and any(agreement.passed for agreement in judged) and not _limits_of(summaries):
         # Nobody may judge how far a user's own plant is from the others.
-        leaves_open_own = any(a.passed is None and not plant_entry(a.plant).is_own for a in judged)
+        leaves_open_own = any(a.passed is None and not PLANTS.entry(a.plant).is_own for a in judged)
         badge = BADGES[None] if leaves_open_own else AGREEMENT_ONLY
     facts = {label: _facts(log, summaries[label], agreements[label]) for label, log in logs.items()}
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
@@ -50,7 +50,7 @@ def first_screen_of(
 
 
 def _worst_moment(label: str, logs: Logs, time: float, picture: Image) -> Figure:
-    log, shown = logs[label], plant_entry(shown_plant(logs[label]))
+    log, shown = logs[label], PLANTS.entry(PLANTS.shown(logs[label]))
     title = f"the crane at its worst moment{f', {label}' if len(logs) > 1 else ''}"
     follows = all(run.has_reference for run in log.values())
     worst = "is farthest from its reference" if follows else "swings most"
@@ -139,7 +139,7 @@ def _agreements(judged: Sequence[Agreement], logs: int) -> Iterator[str]:
     if passed:
         nearest = max(passed, key=lambda agreement: agreement.max_load_error_m / (agreement.limit_m or 1.0))
         where = f" in all {logs} logs" if logs > 1 and len(passed) == len(judged) else ""
-        plants = in_order({a.plant for a in passed} | {a.reference for a in passed})
+        plants = PLANTS.in_order({a.plant for a in passed} | {a.reference for a in passed})
         who = "the plants" if len(passed) == len(judged) or logs > 1 else " and ".join(plants)
         text, allowed = difference_in(nearest.max_load_error_m, "m"), quantity(nearest.limit_m or 0.0, "m")
         at_most = f"less than {text[2:]}" if text.startswith("<") else f"at most {text}"
@@ -165,11 +165,11 @@ def _facts(
     log: Mapping[str, Run], summaries: Sequence[RunSummary], agreements: Sequence[Agreement]
 ) -> tuple[Fact, ...]:
     """Return the numbers of one log: of the user's own plant, if any, beside those of the reference plant."""
-    shown, reference = shown_plant(log), reference_plant(log)
+    shown, reference = PLANTS.shown(log), PLANTS.reference(log)
     facts = [*_facts_of(log[shown], summaries)]
     beside = {} if shown == reference else {f.name: f.value for f in _facts_of(log[reference], summaries)}
     if beside:
-        own, other = plant_entry(shown).label, plant_entry(reference).label
+        own, other = PLANTS.entry(shown).label, PLANTS.entry(reference).label
         remarks = [f"{own}: {fact.remark}; {other}: {beside.get(fact.name, '–')}" for fact in facts]
         facts = [replace(fact, remark=remark) for fact, remark in zip(facts, remarks, strict=True)]
     if log[shown].has_reference and facts:

@@ -12,7 +12,7 @@ from cranectl.cases.case import RunSummary
 from cranectl.compare import Agreement, against_reference, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.planning.review import reviews
-from cranectl.plants import in_order, reference_plant
+from cranectl.plants import PLANTS
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import plan_figure, plan_tables
 from cranectl.report.run.differences import (
@@ -92,7 +92,7 @@ def _title_and_lead(logs: Logs) -> tuple[str, str]:
     titles = {run.scenario.name: run.scenario.title or run.scenario.name for run in runs}
     controllers = ", ".join(dict.fromkeys(run.controller for run in runs))
     drives = " and ".join(dict.fromkeys(run.drive for run in runs))
-    lead = f"{controllers} with {drives} drives, on {', '.join(in_order(run.plant for run in runs))}"
+    lead = f"{controllers} with {drives} drives, on {', '.join(PLANTS.in_order(run.plant for run in runs))}"
     title = listed([*(titles if len(titles) > 1 else titles.values())])
     return title, lead if len(logs) == 1 else f"{', '.join(logs)}: {lead}"
 
@@ -117,9 +117,9 @@ def _plans(logs: Logs) -> list[Section]:
 def _figures(
     logs: Logs, pairs: Mapping[str, Pairs], agreements: Mapping[str, Sequence[Agreement]]
 ) -> tuple[Figure, ...]:
-    plants = in_order(plant for log in logs.values() for plant in log)
+    plants = PLANTS.in_order(plant for log in logs.values() for plant in log)
     compared = [pair for of_log in pairs.values() for pair in of_log]
-    others = [plant for plant in plants if compared and plant != reference_plant(plants)]
+    others = [plant for plant in plants if compared and plant != PLANTS.reference(plants)]
     dashes = dict(zip(others, cycle(DASHES), strict=False))
     curves = [
         RunCurve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))

@@ -22,7 +22,7 @@ from cranectl.analysis.certificate.nu_gap import nu_gap
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.structured import SAFETY_FACTOR, drive_margins
 from cranectl.cli.main import main
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import default_scenario
@@ -48,7 +48,7 @@ def nominal_loop_of(controller: str) -> NominalLoop:
 def law_loops(*lengths: float) -> dict[float, NominalLoop]:
     scenario = default_scenario()
     points = [OperatingPoint(length) for length in lengths]
-    return make_nominal_loops(scenario, controller_design("lqr-integral", scenario), points)
+    return make_nominal_loops(scenario, ALL_CONTROLLERS.design("lqr-integral", scenario), points)
 
 
 def gap_of(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint) -> float:

@@ -15,10 +15,11 @@ from cranectl.analysis.certificate.loop import closed_loop, flat_axis, inner_loo
 from cranectl.analysis.certificate.operating_points import (
     OperatingPoint,
     find_equilibrium,
+    signals_at,
     tilt_angles,
 )
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import design_controller
 from cranectl.plants.mujoco.linearisation import change_since, count_coordinates, set_state
 from cranectl.plants.plant import Drive
@@ -66,7 +67,8 @@ def nonlinear_loop(
     """
     design = design_controller("lqr+loop-shaping", scenario.design)
     tracker, plant, air = tracker_of(scenario, design), run_plant(scenario, drive), air_of(scenario)
-    base, command, held = find_equilibrium(plant, point, drive, air, G)
+    equilibrium = find_equilibrium(plant, point, air, G)
+    base, command, held = equilibrium.base, equilibrium.command, signals_at(equilibrium.joints, G)
     row = np.zeros(COLUMN.width + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
@@ -145,7 +147,8 @@ def test_one_step_leaves_an_equilibrium(name: str, point: OperatingPoint) -> Non
     overrides = TOGETHER if name == "together" else EFFECTS[name]
     scenario = default_scenario(overrides=overrides)
     plant, air = run_plant(scenario, "velocity"), air_of(scenario)
-    base, command, _ = find_equilibrium(plant, point, "velocity", air, G)
+    equilibrium = find_equilibrium(plant, point, air, G)
+    base, command = equilibrium.base, equilibrium.command
     set_state(plant, base, np.zeros(count_coordinates(plant)))
     plant.advance(command, np.array(point.tilt), air, np.zeros(7))
     assert np.abs(change_since(plant, base)).max() < 1e-7
@@ -166,9 +169,7 @@ def test_a_turn_of_the_load_about_its_rope_is_no_state_of_the_loop() -> None:
 def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
     """Its drive holds the load but not the rope's weight: a set-point of weight over gain upwards."""
     scenario = default_scenario(overrides=["effects.rope.mass=0.1"])
-    _, command, _ = find_equilibrium(
-        run_plant(scenario, "velocity"), OperatingPoint(0.7), "velocity", STILL, G
-    )
+    command = find_equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), STILL, G).command
     expected = -0.1 * 0.7 * G / scenario.rig.velocity_gains[2]
     assert command == pytest.approx([0.0, 0.0, expected], abs=1e-9)
 
@@ -198,9 +199,7 @@ def test_effects_are_taken_in_or_named() -> None:
 def test_a_point_without_equilibrium_is_refused() -> None:
     scenario = default_scenario(overrides=["effects.wind={mean=[60.0,0.0,0.0],drag_area=5.0}"])
     with pytest.raises(InputError, match="there is no equilibrium"):
-        find_equilibrium(
-            run_plant(scenario, "velocity"), OperatingPoint(0.7), "velocity", air_of(scenario), G
-        )
+        find_equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), air_of(scenario), G)
 
 
 def test_hanging_still_with_ideal_drives_it_is_the_design_model() -> None:
@@ -242,7 +241,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
             "effects.sensing.angle_noise=0.0",
         ]
     )
-    point, design = OperatingPoint(0.6), controller_design(controller, scenario)
+    point, design = OperatingPoint(0.6), ALL_CONTROLLERS.design(controller, scenario)
     loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
     inner = loop.inner_loop(scenario, point, "velocity")
     matrix = closed_loop(inner, loop.opening.axis.robustifier).a

@@ -11,7 +11,7 @@ from cranectl.campaign.definition import sampled_scenario
 from cranectl.campaign.load import check_values
 from cranectl.campaign.sampling import sample_values
 from cranectl.loaders.opening import open_controller
-from cranectl.plants.steps import physics_step
+from cranectl.plants.steps import PhysicsStep
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
 
@@ -57,7 +57,7 @@ def test_judged_cranes_keep_the_step_of_the_nominal_crane() -> None:
             step = campaign.nominal.control.physics_step
             assert step == (0.005 if scenario == "harbour" else 0.001)
             sampled = [sampled_scenario(campaign, row) for row in sample_values(campaign, 0, campaign.runs)]
-            assert {physics_step(crane, "velocity") for crane in sampled} == {step}
+            assert {PhysicsStep(crane, "velocity").seconds for crane in sampled} == {step}
     assert min(crane.rig.time_constants.min() for crane in sampled) < 20.0 * step
 
 

@@ -5,7 +5,7 @@ import pytest
 from cranectl import open_controller
 from cranectl.campaign.benchmark.declared import Variable, assignments, variables_of
 from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.controllers.registry import load_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
@@ -27,7 +27,7 @@ def test_positions_are_logarithmic_and_keep_the_sign() -> None:
 
 def test_variables_are_those_that_the_controller_declares() -> None:
     names = [variable.key for variable in variables_of("lqr-integral")]
-    declared = [parameter for parameter in load_controller("lqr-integral").parameters if parameter.search]
+    declared = [parameter for parameter in ALL_CONTROLLERS["lqr-integral"].parameters if parameter.search]
     assert names == [f"controller.lqr-integral.{parameter.name}" for parameter in declared]
     assert [(variable.low, variable.high) for variable in variables_of("lqr-integral")] == [
         parameter.search for parameter in declared
@@ -62,7 +62,7 @@ def test_values_at_both_bounds_are_allowed(name: str) -> None:
         settings = assignments(variables, [variable.value_at(position) for variable in variables])
         scenario = load_scenario("fast-diagonal", overrides=settings)
         if name not in FLAT_FAMILY:
-            load_controller(name).designed(scenario.controller.parameters.get(name, {}))
+            ALL_CONTROLLERS[name].designed(scenario.controller.parameters.get(name, {}))
     for variable in variables:
         assert 0.0 < variable.low <= abs(variable.start) <= variable.high
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.compare.agreement import agreement_limits, judge
-from cranectl.controllers.registry import controller_design
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
@@ -20,7 +20,7 @@ def with_effects(name: str, *effects: str) -> Scenario:
 
 
 def both(scenario: Scenario, drive: str) -> tuple[Run, Run]:
-    design = controller_design("lqr", scenario)
+    design = ALL_CONTROLLERS.design("lqr", scenario)
     a, b = (simulate_run(scenario, plant=plant, drive=drive, design=design) for plant in PLANTS)
     return a, b
 
