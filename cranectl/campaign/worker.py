@@ -162,7 +162,6 @@ class Worker:
             records=(self._records.setdefault(width, np.zeros((BLOCK, width))), self._path_record),
         )
         setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
-        loop.compile()
         while not (is_asked_to_stop := stop()) and not loop.is_finished:
             accumulate(setup, accumulator, loop.advance(BLOCK))
         if is_asked_to_stop:

@@ -26,7 +26,7 @@ from cranectl.signals import INPUT_COLUMN, PATH_WIDTH, REFERENCE
 from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import LoopInputs, compiled_loop, python_loop
-from cranectl.simulate.plan import Plan, rows_at
+from cranectl.simulate.plan import Plan, rows_between
 from cranectl.simulate.run import Run, record_width
 from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
 from cranectl.status import RunStatus
@@ -161,11 +161,6 @@ class Loop:
         if not self.inputs.controller.address:
             self.inputs = self.inputs._replace(controller=bind_address(self.inputs.controller))
 
-    def compile(self) -> None:
-        """Compile the loop, so that the first sample does not take seconds."""
-        _, path = self._free_rows(0)
-        self.block(self.inputs, path, np.zeros((0, record_width(self.design))), self.memory, 0, 0)
-
     def use(self, controller: CompiledController, design: ControllerDesign, *, carried: int = 0) -> None:
         """Continue with another controller, which takes over the first `carried` numbers of the memory."""
         own, memory = bind_address(with_own_memory(controller)), controller.start.copy()
@@ -219,8 +214,7 @@ class Loop:
 
         It has no rows if the run had stopped before.
         """
-        samples = self._possible(samples)
-        rows = rows or self._rows(samples)
+        rows = rows or self._rows(self._possible(samples))
         return self._as_run(self.advance(samples, rows), rows[2])
 
     def run(self, *, timeout: float = BLOCK_TIMEOUT, progress: Progress | None = None) -> Run:
@@ -236,8 +230,12 @@ class Loop:
         record = zeros((total - first, record_width(self.design)))
         path_record = record if self.path is None else zeros((total - first, PATH_WIDTH))
         self._records, self._row = (record, path_record), 0
+        if self.path is not None:
+            self.path = self.path._replace(record=path_record)
+        before = first
         try:
-            before = first
+            if outside is not None:  # compile the loop before the time limit counts
+                self.block(self.inputs, self.path, record, self.memory, 0, 0)
             for rows, end, code in self._blocks(outside, timeout):
                 self.samples, self._end, self.status = rows, end, RunStatus(code)
                 if progress is not None:
@@ -262,11 +260,10 @@ class Loop:
         total = len(self.plan.time_ns)
         if outside is None:
             return blocks_here(advance, total)
-        self.compile()  # before the time limit counts
         return blocks_in_child(advance, total, outside.name, timeout)
 
     def _possible(self, samples: int) -> int:
-        """Return how many of the next samples can run in one call."""
+        """Return how many of the next `samples` can run in one call."""
         if self.is_finished:
             return 0
         if self._records is not None:
@@ -281,13 +278,9 @@ class Loop:
 
     def _rows(self, samples: int) -> Rows:
         """Return the rows of the plan at the next samples."""
-        whole = self.plan.reference, self.plan.disturbance, self.plan.wind
-        if self._endless:
-            index = np.arange(self.samples, self.samples + samples)
-            reference, disturbance, wind = (rows_at(rows, index) for rows in whole)
-        else:
-            reference, disturbance, wind = (rows[self.samples : self.samples + samples] for rows in whole)
-        return reference, disturbance, wind
+        plan, first, last = self.plan, self.samples, self.samples + samples
+        reference, disturbance = rows_between(plan.reference, first, last), plan.disturbance
+        return reference, rows_between(disturbance, first, last), rows_between(plan.wind, first, last)
 
     def _free_rows(self, samples: int) -> tuple[Array, SignalPath | None]:
         """Return the rows of the record for the next samples, and the signal path with its rows."""
@@ -295,11 +288,13 @@ class Loop:
             record = np.zeros((samples, record_width(self.design)))
             path_record = np.zeros((0 if self.path is None else samples, PATH_WIDTH))
         else:
-            if self._row + samples > len(self._records[0]):
+            record, path_record = self._records
+            if self._row + samples > len(record):
                 self._row = 0
-            piece = slice(self._row, self._row + samples)
-            self._row += samples
-            record, path_record = self._records[0][piece], self._records[1][piece]
+            first, self._row = self._row, self._row + samples
+            if first == 0:  # the rows of the signal path are those of `records`
+                return record, self.path
+            record, path_record = record[first : self._row], path_record[first : self._row]
         return record, None if self.path is None else self.path._replace(record=path_record)
 
     def _as_run(self, samples: Samples, wind: Array) -> Run:

@@ -47,6 +47,11 @@ def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:
     return chosen
 
 
+def rows_between(rows: Array, first: int, last: int) -> Array:
+    """Return the rows `first` to `last` - 1; after the end the last row is repeated."""
+    return rows[first:last] if last <= len(rows) else rows_at(rows, np.arange(first, last))
+
+
 def plan_scenario(scenario: Scenario) -> Plan:
     """Return the plan of a scenario; raise InputError as `plan_reference` and `plan_run` do."""
     return plan_run(plan_reference(scenario), scenario)
