@@ -11,12 +11,13 @@ from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenar
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers import ALL_CONTROLLERS, CompiledController
+from cranectl.design import ControllerDesign
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import PATH
 from cranectl.simulate import (
-    Block,
+    Loop,
     PlannedReference,
     check_planned,
     make_plant,
@@ -24,8 +25,6 @@ from cranectl.simulate import (
     plan_run,
     prepare_controller,
     record_width,
-    start_run,
-    stream_run,
 )
 from cranectl.support import Array, InputError, MachineError
 
@@ -43,7 +42,7 @@ class PreparedController(NamedTuple):
     nominal: Scenario
     reference: PlannedReference
     compiled: CompiledController
-    width: int  # columns of its record
+    design: ControllerDesign
 
 
 class PreparedCampaign:
@@ -84,7 +83,7 @@ class PreparedCampaign:
     def _prepare(self, name: str, nominal: Scenario) -> PreparedController:
         design, reference = self._designs[name], self._reference(nominal)
         compiled = prepare_controller(nominal, design, self.campaign.settings.drive, reference)
-        return PreparedController(nominal, reference, compiled, record_width(design))
+        return PreparedController(nominal, reference, compiled, design)
 
 
 def _cached_periods(campaign: Campaign) -> list[Scenario]:
@@ -154,26 +153,22 @@ class Worker:
         controller = self._prepared.controller(batch.controller, scenario)
         plan = plan_run(controller.reference, scenario)
         plant = self._plant(batch.plant, scenario)
-        run = start_run(
-            plant,
+        width = record_width(controller.design)
+        loop = Loop(
             scenario,
+            plant,
             controller.compiled,
             plan,
+            design=controller.design,
             nominal=controller.nominal,
-            path_record=self._path_record,
+            records=(self._records.setdefault(width, np.zeros((BLOCK, width))), self._path_record),
         )
         setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
-
-        def measure(block: Block) -> None:
-            accumulate(setup, accumulator, block)
-            if stop():
-                raise StoppedError
-
-        record = self._records.setdefault(controller.width, np.zeros((BLOCK, controller.width)))
-        run.advance(run.inputs, run.path, record, run.memory, 0, 0)  # compiles the loop before the run
-        if stop():
+        while not (is_asked_to_stop := stop()) and not loop.is_finished:
+            accumulate(setup, accumulator, loop.advance(BLOCK))
+        if is_asked_to_stop:
             raise StoppedError
-        end_ns, status = stream_run(run, plan, record, measure)
+        status, end_ns = loop.status, loop.end_ns
         metrics = finish(setup, accumulator, status, end_ns)
         reason = status.explanation if status.stopped else ""
         return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)

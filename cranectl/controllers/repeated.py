@@ -1,7 +1,7 @@
 """Repeat rows of commands.
 
-These controllers are not registered. `simulate.stepping.prepare_repetition` prepares them with the rows that
-they repeat, in place of a reference.
+These controllers are not registered. `simulate.Loop.repeating` prepares them with the rows that they
+repeat, in place of a reference.
 """
 
 import functools

@@ -13,18 +13,17 @@ from numpy.typing import NDArray
 from cranectl.controllers import MEMORY
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
-from cranectl.plants import PLANTS, Drive, air_velocity
+from cranectl.plants import PLANTS, Drive, Plant, air_velocity
 from cranectl.scenario import NANOSECONDS, Disturbance, Scenario
 from cranectl.signals import Z
 from cranectl.simulate import (
+    Loop,
     Run,
-    SteppedRun,
     make_encoders,
     make_plant,
     plan_scenario,
     prepare_controller,
     rows_at,
-    start_run,
 )
 from cranectl.support import Array, TakesTurns
 
@@ -75,7 +74,7 @@ class Session(TakesTurns):
     @property
     def moving(self) -> bool:
         """Whether any plant has not stopped."""
-        return any(not state.status.stopped for state in self._states)
+        return any(not loop.is_finished for loop in self._loops)
 
     def prepare(self) -> None:
         """Compile all code that this machine has not compiled yet, so that the first block is not delayed."""
@@ -86,12 +85,11 @@ class Session(TakesTurns):
     def advance(self, samples: int) -> list[Run]:
         """Return the next increment of every plant's run; it has no rows if the plant had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
-        time_ns = self.origin_ns + index * self.scenario.period_ns
         reference = self._reference(index)
         disturbance = self._disturbance(index)
         wind = rows_at(self.plan.wind, index)
         wind[:, :3] = rows_at(self._air_velocity, index)
-        runs = [state.advance(time_ns, reference, disturbance, wind) for state in self._states]
+        runs = [loop.part(samples, (reference, disturbance, wind)) for loop in self._loops]
         self._samples += samples
         now = self._samples * self.scenario.period_ns / NANOSECONDS
         self._active_pulses = [pulse for pulse in self._active_pulses if pulse.end and pulse.end > now]
@@ -109,14 +107,10 @@ class Session(TakesTurns):
             check_can_be_driven(design)
         self._compiled = compiled
         before, self.design = self.design, design
-        for state in self._states:
-            own, memory = compiled.with_own_memory().bound(), compiled.start.copy()
-            own.clock[0] = self._samples
-            if carried_over := _carried_over_size(before, design, state.run.memory):
-                memory[:carried_over] = state.run.memory[:carried_over]
-            inputs = state.run.inputs._replace(controller=own)
-            state.run, state.design = state.run._replace(inputs=inputs, memory=memory), design
-            self._use_hand_reference(state)
+        for loop in self._loops:
+            loop.use(compiled, design, carried=_carried_over_size(before, design, loop.memory))
+            if self._hand:
+                loop.follow(self._hand.table)
 
     def pulse(self, acceleration: tuple[float, float], seconds: float) -> None:
         """Add angular accelerations of alpha and beta [rad/s²] from the next sample on, for `seconds`."""
@@ -136,11 +130,11 @@ class Session(TakesTurns):
         if self._hand is None and request != RELEASED:
             check_can_be_driven(self.design)
             hand = HandReference(self.scenario, self._samples)
-            for state in self._states:
-                state.plant.check_length(-float(hand.limits.high[Z]))
+            for loop in self._loops:
+                loop.plant.check_length(-float(hand.limits.high[Z]))
             self._hand = hand
-            for state in self._states:
-                self._use_hand_reference(state)
+            for loop in self._loops:
+                loop.follow(hand.table)
         if self._hand:
             self._hand.follow(self._samples, request)
 
@@ -155,20 +149,16 @@ class Session(TakesTurns):
         self._start()
 
     def _start(self) -> None:
-        self._states = []
-        for plant in self._plants:
-            run = start_run(plant, self.scenario, self._compiled, self.plan, nominal=self.scenario)
-            if run.path and self._encoders:
-                run = run._replace(path=run.path._replace(encoders=self._encoders))
-            self._states.append(SteppedRun(self.scenario, self.design, plant, run, self.origin_ns))
+        self._loops = [self._begin(plant) for plant in self._plants]
 
-    def _use_hand_reference(self, state: SteppedRun) -> None:
-        """Let the controller of `state` read the reference of driving by hand."""
-        if self._hand:
-            compiled = state.run.inputs.controller._replace(
-                reference=self._hand.table, samples=len(self._hand.table)
-            )
-            state.run = state.run._replace(inputs=state.run.inputs._replace(controller=compiled))
+    def _begin(self, plant: Plant) -> Loop:
+        """Return a loop at the start of the scenario, with noise for the longest run."""
+        loop = Loop(self.scenario, plant, self._compiled, self.plan, design=self.design, endless=True)
+        loop.origin_ns = self.origin_ns
+        if loop.path and self._encoders:
+            loop.path = loop.path._replace(encoders=self._encoders)
+        loop.bind()
+        return loop
 
     def _reference(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,): shape (n, 15)."""

@@ -14,12 +14,13 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from cranectl.controllers import repeated_commands
+from cranectl.design import ControllerDesign
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.measured.followed_motion import MEASURED_MOTION
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 from cranectl.signals import REFERENCE
-from cranectl.simulate import Plan, Run, prepare_repetition, simulate_run
+from cranectl.simulate import Loop, Plan, Run, check_runs, make_plant
 from cranectl.support import Array, InputError
 
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
@@ -76,7 +77,7 @@ def simulate_replay(
         time_ns = scenario.period_ns * np.arange(len(commands))
     samples = len(time_ns)
     controller = MEASURED_MOTION if replay == "motion" else repeated_commands(DRIVES[drive].command)
-    design, compiled = prepare_repetition(controller, scenario, drive, commands, start)
+    check_runs(scenario, ControllerDesign(controller.name), drive)
     plan = Plan(
         time_ns=time_ns,
         reference=np.zeros((samples, len(REFERENCE))),
@@ -86,9 +87,8 @@ def simulate_replay(
         disturbance=np.zeros((samples, 2)),
         wind=np.zeros((samples, 6)),
     )
-    simulated = simulate_run(
-        scenario, plant=plant, drive=drive, design=design, plan=plan, compiled_controller=compiled
-    )
+    crane = make_plant(plant, scenario, drive)
+    simulated = Loop.repeating(controller, commands, scenario, crane, plan).run()
     if parts == 1:
         return simulated
     table, reference = (rows[::parts] for rows in (simulated.table, simulated.reference))

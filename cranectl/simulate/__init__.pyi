@@ -9,6 +9,7 @@ from .child import BLOCK_TIMEOUT as BLOCK_TIMEOUT
 from .idle_settings import RunKind as RunKind
 from .idle_settings import idle_settings as idle_settings
 from .idle_settings import why_idle_on_plant as why_idle_on_plant
+from .loop import Loop as Loop
 from .memory import MAX_BYTES as MAX_BYTES
 from .memory import check_planned as check_planned
 from .memory import check_runs as check_runs
@@ -24,17 +25,15 @@ from .plan import disturbances_at as disturbances_at
 from .plan import plan_reference as plan_reference
 from .plan import plan_run as plan_run
 from .plan import plan_scenario as plan_scenario
+from .plan import rows_at as rows_at
 from .run import Run as Run
 from .run import groups_of as groups_of
 from .run import record_width as record_width
-from .runner import Block as Block
 from .runner import checked_drive as checked_drive
 from .runner import linearised_controller as linearised_controller
 from .runner import make_plant as make_plant
 from .runner import prepare_controller as prepare_controller
 from .runner import simulate_run as simulate_run
-from .runner import start_run as start_run
-from .runner import stream_run as stream_run
 from .runner import tracker_of as tracker_of
 from .signal_path import Encoders as Encoders
 from .signal_path import SetpointLimits as SetpointLimits
@@ -46,6 +45,3 @@ from .signal_path import make_limits as make_limits
 from .signal_path import new_signal_path as new_signal_path
 from .signal_path import read_encoder as read_encoder
 from .signal_path import whole_record as whole_record
-from .stepping import SteppedRun as SteppedRun
-from .stepping import prepare_repetition as prepare_repetition
-from .stepping import rows_at as rows_at

@@ -10,10 +10,10 @@ from cranectl.controllers import repeated_commands
 from cranectl.plants import DRIVES, FORCE, REFERENCE_PLANT, Plant, air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import REFERENCE, STATE, TENSION
-from cranectl.simulate.plan import Plan, check_start, plan_scenario
+from cranectl.simulate.loop import Loop
+from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
 from cranectl.simulate.run import Run
-from cranectl.simulate.runner import checked_drive, make_plant, start_run
-from cranectl.simulate.stepping import SteppedRun, prepare_repetition, rows_at
+from cranectl.simulate.runner import checked_drive, make_plant
 from cranectl.status import RunStatus
 from cranectl.support import Array, InputError, TakesTurns, check_whole, checks_arguments, shown
 
@@ -70,11 +70,8 @@ class OpenRun(SteppedMemory):
         InputError
             If state or target is outside the workspace, or the state is no state of a crane.
         """
-        self._run, plan, self._command = begin(
-            self._plant, self._scenario, self._plan, state, seed, target=target
-        )
-        self._rows = (plan.reference, plan.disturbance, plan.wind)
-        self._samples, self._parts = 0, list[Run]()
+        self._loop = begin(self._plant, self._scenario, self._plan, state, seed, target=target)
+        self._parts = list[Run]()
         self._load = np.full(TENSION + 1, np.nan)
         return self.state
 
@@ -102,12 +99,9 @@ class OpenRun(SteppedMemory):
             If the command is not three finite numbers, or `samples` is below one.
         """
         check_samples(samples)
-        self._command[:] = checked_numbers("command", command, 3)
-        index = np.arange(self._samples, self._samples + samples)
-        time_ns = index * self._scenario.period_ns
-        part = self._run.advance(time_ns, *(rows_at(rows, index) for rows in self._rows))
-        if rows := len(part.table):
-            self._samples += rows
+        self._loop.inputs.controller.reference[0, :3] = checked_numbers("command", command, 3)
+        part = self._loop.part(samples)
+        if len(part.table):
             self._parts.append(part)
             self._load = part.block("load")[-1]
         return self.state
@@ -125,7 +119,7 @@ class OpenRun(SteppedMemory):
 
         They differ from the state only if the scenario has encoders. NaN before the first step.
         """
-        return self._run.run.inputs.controller.measured.copy()
+        return self._loop.inputs.controller.measured.copy()
 
     @property
     def load(self) -> Array:
@@ -143,17 +137,17 @@ class OpenRun(SteppedMemory):
     @property
     def status(self) -> RunStatus:
         """RUNNING, or why the run has stopped."""
-        return self._run.status
+        return self._loop.status
 
     @property
     def time(self) -> float:
         """Time since the last reset [s]."""
-        return self._samples * self._scenario.period_ns / NANOSECONDS
+        return self._loop.samples * self._scenario.period_ns / NANOSECONDS
 
     @property
     def reference(self) -> Array:
         """Desired position of the load and four derivatives, shape (15,), in the order of `REFERENCE`."""
-        row: Array = rows_at(self._rows[0], np.array([self._samples]))[0]
+        row: Array = rows_at(self._loop.plan.reference, np.array([self._loop.samples]))[0]
         return row
 
     def recorded(self) -> Run:
@@ -171,8 +165,8 @@ class OpenRun(SteppedMemory):
             raise InputError("no sample since the last reset", allowed="one or more", remedy="take a step")
         samples = self._scenario.steps + 1
         table = np.concatenate([part.table for part in self._parts])[:samples]
-        status, end_ns = self.status, self._run.end_ns
-        if not status.stopped or self._samples > samples:
+        status, end_ns = self.status, self._loop.end_ns
+        if not status.stopped or self._loop.samples > samples:
             status = RunStatus.COMPLETED if len(table) == samples else RunStatus.INTERRUPTED
             end_ns = (len(table) - 1) * self._scenario.period_ns
         return replace(
@@ -230,12 +224,12 @@ def begin(
     seed: int | None = None,
     *,
     target: Sequence[float] | Array | None = None,
-    path_record: Array | None = None,
-) -> tuple[SteppedRun, Plan, Array]:
-    """Put a plant at the start of a run that repeats its command; return run, plan, and the command (3,).
+    records: tuple[Array, Array] | None = None,
+) -> Loop:
+    """Put a plant at the start of a run that repeats its command: row 0 of `inputs.controller.reference`.
 
-    `plan` is that of the scenario. `state`, `seed` and `target` are as in `OpenRun.reset`. The signal path
-    writes to `path_record`.
+    `plan` is that of the scenario, and `records` are as in `Loop`. `state`, `seed` and `target` are as in
+    `OpenRun.reset`.
     """
     if target is not None:
         point = checked_numbers("target", target, 3)
@@ -259,12 +253,9 @@ def begin(
         check_start(scenario, start, remedy="give a state inside it")
         plan = replace(plan, initial_state=start)
     controller = repeated_commands(DRIVES[plant.drive].command, "commands")
-    design, compiled = prepare_repetition(
-        controller, scenario, plant.drive, np.zeros((1, 3)), plan.initial_state
-    )
-    run = start_run(plant, scenario, compiled, plan, nominal=scenario, path_record=path_record)
-    run.inputs.controller.measured[: len(STATE)] = np.nan
-    return SteppedRun(scenario, design, plant, run, 0), plan, compiled.reference[0, :3]
+    loop = Loop.repeating(controller, np.zeros((1, 3)), scenario, plant, plan, endless=True, records=records)
+    loop.inputs.controller.measured[: len(STATE)] = np.nan
+    return loop
 
 
 def rest_at(scenario: Scenario, target: Array) -> Array:

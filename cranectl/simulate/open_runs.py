@@ -11,6 +11,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from cranectl.design import ControllerDesign
 from cranectl.plants import REFERENCE_PLANT, Plant, measure_addressed
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import COLUMN, PATH, STATE, TENSION
@@ -82,11 +83,11 @@ class OpenRuns(SteppedMemory):
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [(None, np.zeros(0))] * count  # Numba's type of each, and its numbers
         self._references = [plan.reference for plan in self._plans]
-        self._record: Array | None = None
+        self._records = np.zeros((ROWS, record_width(ControllerDesign("")))), np.zeros((ROWS, PATH.width))
         self._commands = np.zeros((count, 3))
         self._clock, self._status = np.zeros((2, count), dtype=np.int64)
         self._states, self._loads = np.zeros((count, len(STATE))), np.full((count, TENSION + 1), np.nan)
-        self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6, PATH.width)]
+        self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6)]
         self.reset()
 
     def __len__(self) -> int:
@@ -239,27 +240,23 @@ class OpenRuns(SteppedMemory):
 
     def _begin(self, i: int, state: Array | None, seed: int | None, target: Array | None) -> None:
         """Put crane `i` at its start."""
-        plant, (reference, disturbance, wind, path_record) = self._plants[i], self._rows
-        run, plan, _ = begin(
-            plant, self.scenarios[i], self._plans[i], state, seed, target=target, path_record=path_record
+        plant, (reference, disturbance, wind) = self._plants[i], self._rows
+        loop = begin(
+            plant, self.scenarios[i], self._plans[i], state, seed, target=target, records=self._records
         )
-        self._references[i] = plan.reference
-        width = record_width(run.design)
-        if self._record is None:
-            self._record = np.zeros((ROWS, width))
+        self._references[i] = loop.plan.reference
         self._clock[i], self._status[i], self._loads[i] = 0, RUNNING, np.nan
         plant.measure(self._states[i])
-        loop = run.run.advance
-        is_compiled = isinstance(loop, CompiledLoop) and not UNCOMPILED
+        is_compiled = isinstance(loop.block, CompiledLoop) and not UNCOMPILED
         self._cranes[i] = crane = Crane(
-            plant=cast(CompiledLoop, loop).plant if is_compiled else plant,
-            inputs=run.run.inputs._replace(reference=reference, disturbance=disturbance, wind=wind),
-            path=run.run.path,
-            record=self._record,
-            memory=run.run.memory,
-            reference=plan.reference,
-            disturbance=plan.disturbance,
-            wind=plan.wind,
+            plant=cast(CompiledLoop, loop.block).plant if is_compiled else plant,
+            inputs=loop.inputs._replace(reference=reference, disturbance=disturbance, wind=wind),
+            path=loop.path,
+            record=self._records[0],
+            memory=loop.memory,
+            reference=loop.plan.reference,
+            disturbance=loop.plan.disturbance,
+            wind=loop.plan.wind,
             command=self._commands[i],
             clock=self._clock[i : i + 1],
             status=self._status[i : i + 1],

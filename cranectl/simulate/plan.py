@@ -1,6 +1,7 @@
 """Sample the reference and the disturbances of a scenario, and check them against the rig."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,17 @@ class Plan(PlannedReference):
     def shortest_rope(self) -> float:
         """The shortest rope length of the reference and the start [m]."""
         return float(min(self.reference_state[:, ROPE].min(), self.initial_state[ROPE]))
+
+
+def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:
+    """Return the rows at samples `index` (n,), as a copy; after the end the last row is repeated."""
+    chosen: Array = rows[np.minimum(index, len(rows) - 1)]
+    return chosen
+
+
+def rows_between(rows: Array, first: int, last: int) -> Array:
+    """Return the rows `first` to `last` - 1; after the end the last row is repeated."""
+    return rows[first:last] if last <= len(rows) else rows_at(rows, np.arange(first, last))
 
 
 def plan_scenario(scenario: Scenario) -> Plan:

@@ -1,10 +1,6 @@
-"""Simulate a scenario on a plant, as a whole run in memory or as a stream of blocks."""
+"""Simulate a scenario on a plant, and prepare its parts: plant, controller and tracker."""
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
 
 from cranectl.controllers import (
     ALL_CONTROLLERS,
@@ -21,29 +17,12 @@ from cranectl.design import ControllerDesign, Design
 from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, PhysicsStep, Plant, check_scenario, examine
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, PATH
-from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
-from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
-from cranectl.simulate.loops import AdvanceBlock, LoopInputs, compiled_loop, python_loop
+from cranectl.simulate.child import BLOCK_TIMEOUT
+from cranectl.simulate.loop import Loop, Progress
 from cranectl.simulate.memory import check_runs
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
-from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
-from cranectl.status import RunStatus
-from cranectl.support import Array, InputError, checks_arguments, renamed_arguments
-
-Progress = Callable[[float], None]  # called with the simulated seconds since the last call
-
-BLOCK = 1000  # samples per call of the loop: a few milliseconds of computing
-
-
-class PreparedRun(NamedTuple):
-    """A run that is ready for its first sample."""
-
-    advance: AdvanceBlock
-    inputs: LoopInputs
-    path: SignalPath | None
-    memory: Array
+from cranectl.simulate.run import Run
+from cranectl.support import InputError, checks_arguments, renamed_arguments
 
 
 @renamed_arguments(known="nominal", law="compiled_controller", patience="timeout")
@@ -104,65 +83,8 @@ def simulate_run(
     plan = plan or plan_run(plan_reference(nominal), scenario)
     crane = make_plant(plant, scenario, kind)
     compiled_controller = compiled_controller or prepare_controller(nominal, design, crane.drive, plan)
-    samples, width = len(plan.time_ns), record_width(design)
-    outside = ALL_CONTROLLERS.of_design(design) if design.origin and compiled and CAN_FORK else None
-    zeros = np.zeros if outside is None else shared_zeros
-    path_record = None if outside is None else shared_zeros((samples, PATH.width))
-    run = start_run(
-        crane,
-        scenario,
-        compiled_controller,
-        plan,
-        nominal=nominal,
-        path_record=path_record,
-        compiled=compiled,
-        bind=outside is None,
-    )
-    record = zeros((samples, width))
-    rows, last, status = _run_blocks(run, record, plan, outside, timeout=timeout, progress=progress)
-    return Run(
-        scenario=scenario,
-        design=design,
-        plant=crane.name,
-        drive=crane.drive,
-        model=crane.description,
-        time_ns=plan.time_ns[:rows],
-        table=whole_record(scenario, record, run.path, plan.wind)[:rows],
-        reference=plan.reference[:rows],
-        status=status,
-        end_ns=int(plan.time_ns[last]),
-    )
-
-
-def start_run(
-    crane: Plant,
-    scenario: Scenario,
-    controller: CompiledController,
-    plan: Plan,
-    *,
-    nominal: Scenario,
-    path_record: Array | None = None,
-    compiled: bool = True,
-    bind: bool = True,
-) -> PreparedRun:
-    """Put `crane`, the plant of `scenario`, at the start of `plan`, and return the run.
-
-    `bind` gives a controller from outside an address in this process, which it needs to run here. The signal
-    path writes to `path_record`, by default a new array for all samples. Raises InputError if effects or
-    steps do not allow the shortest rope of the plan.
-    """
-    crane.check_length(plan.shortest_rope)
-    start = plan.initial_state
-    crane.reset(start)
-    samples = len(plan.time_ns)
-    return PreparedRun(
-        advance=compiled_loop(crane) if compiled else python_loop(crane),
-        inputs=inputs_of(scenario, controller, plan, crane.drive, nominal=nominal, bind=bind),
-        path=make_signal_path(
-            scenario, start, drive=crane.drive, samples=samples, nominal=nominal, record=path_record
-        ),
-        memory=controller.start.copy(),
-    )
+    loop = Loop(scenario, crane, compiled_controller, plan, design=design, nominal=nominal, compiled=compiled)
+    return loop.run(timeout=timeout, progress=progress)
 
 
 def tracker_of(scenario: Scenario, design: Design) -> Tracker:
@@ -240,101 +162,3 @@ def checked_drive(name: str) -> Drive:
         if drive == name:
             return drive
     raise InputError.unknown("drive", name, DRIVES)
-
-
-def inputs_of(
-    scenario: Scenario,
-    controller: CompiledController,
-    plan: Plan,
-    drive: Drive,
-    *,
-    nominal: Scenario,
-    bind: bool = True,
-) -> LoopInputs:
-    """Return what a loop needs to run `plan` from its first row to its last.
-
-    `nominal` and `bind` are as in `start_run`.
-    """
-    controller = controller.with_own_memory()
-    return LoopInputs(
-        controller=controller.bound() if bind else controller,
-        actuation=make_actuation(nominal, drive),
-        integral=initial_integral(plan.initial_state),
-        unloaded=make_unloaded_drives(nominal, drive, plan.initial_state),
-        reference=plan.reference,
-        disturbance=plan.disturbance,
-        wind=plan.wind,
-        workspace=scenario.reach,
-        stop_outside=scenario.workspace.on_exit == "stop",
-        command_column=COLUMN.input + (DRIVES[drive].column or 0),
-        recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
-        slack=np.zeros(1),
-    )
-
-
-def _run_blocks(
-    run: PreparedRun,
-    record: Array,
-    plan: Plan,
-    outside: Controller | None,
-    *,
-    timeout: float,
-    progress: Progress | None,
-) -> tuple[int, int, RunStatus]:
-    """Run all blocks; return (complete rows, index of the last sample, status)."""
-    rows, status, total, inputs = 0, RunStatus.RUNNING, len(plan.time_ns), run.inputs
-
-    def advance(first: int) -> tuple[int, int, int]:
-        nonlocal inputs
-        inputs = inputs._replace(controller=inputs.controller.bound())
-        return run.advance(inputs, run.path, record, run.memory, first, min(first + BLOCK, total))
-
-    try:
-        if outside is None:
-            blocks = blocks_here(advance, total)
-        else:
-            run.advance(
-                run.inputs, run.path, record, run.memory, 0, 0
-            )  # compile before the time limit counts
-            blocks = blocks_in_child(advance, total, outside.name, timeout)
-        for complete, ended_at, code in blocks:
-            done, rows, end, status = rows, complete, ended_at, RunStatus(code)
-            if progress is not None:
-                progress((rows - done) * run.inputs.actuation.period)
-    except KeyboardInterrupt:
-        return rows, max(rows - 1, 0), RunStatus.INTERRUPTED
-    if status == RunStatus.RUNNING:
-        return rows, rows - 1, RunStatus.COMPLETED
-    return rows, end, status
-
-
-class Block(NamedTuple):
-    """Consecutive complete samples; the next block overwrites their rows."""
-
-    time_ns: NDArray[np.int64]  # (n,)
-    record: Array  # (n, columns of `signals` without those of the signal path)
-    reference: Array  # (n, 15)
-    path: Array  # (n, PATH.width) record of the signal path; `record` if there is none
-
-
-def stream_run(
-    run: PreparedRun, plan: Plan, record: Array, handle: Callable[[Block], None]
-) -> tuple[int, RunStatus]:
-    """Run `plan` in blocks of `len(record)` samples; return when it ended [ns], and how.
-
-    `handle` is called with each block. The record of the signal path must have as many rows as `record`. The
-    samples equal those of a run in one piece.
-    """
-    total, size = len(plan.time_ns), len(record)
-    for first in range(0, total, size):
-        piece = slice(first, min(first + size, total))
-        reference = plan.reference[piece]
-        inputs = run.inputs._replace(
-            reference=reference, disturbance=plan.disturbance[piece], wind=plan.wind[piece]
-        )
-        rows, end, code = run.advance(inputs, run.path, record, run.memory, 0, len(reference))
-        path = record if run.path is None else run.path.record
-        handle(Block(plan.time_ns[first : first + rows], record[:rows], reference[:rows], path[:rows]))
-        if code != RunStatus.RUNNING:
-            return int(plan.time_ns[first + end]), RunStatus(code)
-    return int(plan.time_ns[-1]), RunStatus.COMPLETED

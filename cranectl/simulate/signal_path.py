@@ -177,9 +177,9 @@ def new_signal_path(
     )
 
 
-def whole_record(scenario: Scenario, record: Array, path: SignalPath | None, wind: Array) -> Array:
+def whole_record(scenario: Scenario, record: Array, path_record: Array | None, wind: Array) -> Array:
     """Return the record of a run joined with the columns of its signal path and of forces on the load."""
-    parts = [record] if path is None else [record, path.record]
+    parts = [record] if path_record is None else [record, path_record]
     if scenario.forced:
         parts.append(wind[:, FORCE:])
     return np.hstack(parts) if len(parts) > 1 else record

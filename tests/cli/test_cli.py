@@ -282,12 +282,12 @@ def test_json_can_be_written_to_a_device() -> None:
 
 ANNOUNCE = """
 import sys
-from cranectl.simulate import runner
-blocks = runner._run_blocks
-def announce(*arguments, **options):
+from cranectl.simulate import Loop
+run = Loop.run
+def announce(loop, **options):
     options["progress"] = lambda seconds: print("running", flush=True)
-    return blocks(*arguments, **options)
-runner._run_blocks = announce
+    return run(loop, **options)
+Loop.run = announce
 from cranectl.cli.main import main
 sys.exit(main())
 """

@@ -70,8 +70,7 @@ def test_a_new_controller_with_the_same_gains_changes_no_bit(short: Scenario, co
 def test_another_robustifier_starts_at_rest_and_the_extension_is_kept(short: Scenario) -> None:
     running = session(short, "lqr+hinf")
     advance(running, 300)
-    runs = [state.run for state in running._states]
-    memories = [np.concatenate([run.memory[:2], run.inputs.integral]) for run in runs]
+    memories = [np.concatenate([loop.memory[:2], loop.inputs.integral]) for loop in running._loops]
     design = design_controller("pole-placement+loop-shaping", short.design)
     running.use(design)
     for run, memory in zip(running.advance(1), memories, strict=True):

@@ -11,9 +11,8 @@ from cranectl.plants.analytic import AnalyticPlant, advance, measure_joints, no_
 from cranectl.plants.plant import Kernels
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import BRIDGE_RATE
+from cranectl.simulate import Loop, prepare_controller
 from cranectl.simulate.plan import plan_reference, plan_run
-from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import prepare_controller, start_run
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 from tests.conftest import STILL
@@ -76,11 +75,8 @@ def test_an_exception_in_a_kernel_ends_the_run_and_is_reported(capfd: pytest.Cap
     scenario = load_scenario("fixed-position", overrides=["initial.load_offset=[0.02,0.0,0.0]"])
     crane = Fragile(scenario.rig, drive="ideal", step=1e-3, substeps=1)
     design, plan = design_controller("lqr", scenario.design), plan_run(plan_reference(scenario), scenario)
-    run = start_run(
-        crane, scenario, prepare_controller(scenario, design, "ideal", plan), plan, nominal=scenario
-    )
-    record = np.zeros((len(plan.time_ns), record_width(design)))
-    rows, _, status = run.advance(run.inputs, run.path, record, run.memory, 0, len(record))
-    assert status == RunStatus.ENGINE_WARNING
-    assert 0 < rows < len(record)
+    controller = prepare_controller(scenario, design, "ideal", plan)
+    run = Loop(scenario, crane, controller, plan, design=design).run()
+    assert run.status == RunStatus.ENGINE_WARNING
+    assert 0 < len(run.table) < len(plan.time_ns)
     assert "failed in test_addressed.py:" in capfd.readouterr().err

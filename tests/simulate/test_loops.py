@@ -13,6 +13,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, make_plant, simulate_run
+from cranectl.simulate import loop as loop_module
 from cranectl.simulate import runner as runner_module
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
@@ -272,9 +273,9 @@ def test_recorded_accelerations_of_set_points_reach_neither_plant_nor_observer(
         "off-reference", overrides=["effects.sensing={}", "effects.delay={}", "rig.load_mass=3.0"]
     )
     run = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
-    make = runner_module.make_unloaded_drives
+    make = loop_module.make_unloaded_drives
     monkeypatch.setattr(
-        runner_module, "make_unloaded_drives", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0))
+        loop_module, "make_unloaded_drives", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0))
     )
     other = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
     recorded = signals.COLUMN.input + np.arange(3)

@@ -25,10 +25,10 @@ from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
-from cranectl.simulate import make_plant, plan_scenario, prepare_controller
+from cranectl.signals import PATH_WIDTH
+from cranectl.simulate import Loop, make_plant, plan_scenario, prepare_controller
 from cranectl.simulate.open_runs import OpenRuns, open_runs
 from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import start_run, stream_run
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
 from validation.performance import other_implementations as other
@@ -115,10 +115,12 @@ def make_loop(controller: str, plant: str = "mujoco") -> Callable[[], object]:
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
     prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant(plant, scenario, DRIVE)
-    record = np.zeros((BLOCK, record_width(design)))
+    records = np.zeros((BLOCK, record_width(design))), np.zeros((BLOCK, PATH_WIDTH))
 
     def run_loop() -> None:
-        stream_run(start_run(crane, scenario, prepared, plan, nominal=scenario), plan, record, lambda _: None)
+        loop = Loop(scenario, crane, prepared, plan, design=design, records=records)
+        while not loop.is_finished:
+            loop.advance(BLOCK)
 
     return run_loop
 

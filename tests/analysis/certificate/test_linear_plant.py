@@ -1,5 +1,7 @@
 """The linearised plant against the loop it stands for; operating points against the plant that holds them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,12 +29,8 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
 from cranectl.scenario.load import default_scenario
 from cranectl.signals import COLUMN, ROPE, ROPE_RATE
-from cranectl.simulate import plan_scenario, tracker_of
+from cranectl.simulate import Loop, plan_scenario, prepare_controller, tracker_of
 from cranectl.simulate.actuation import actuate, make_actuation
-from cranectl.simulate.loops import python_loop
-from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import inputs_of, prepare_controller
-from cranectl.simulate.signal_path import make_signal_path
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
 
@@ -250,17 +248,15 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     held[ROPE] = point.rope_length
     places = seen[seen % 2 == 0]
     offset[places] = 1e-6 * np.random.default_rng(2).normal(size=len(places))
-    plan = plan_scenario(scenario)
+    plan = replace(plan_scenario(scenario), initial_state=held)
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
     law, plant = prepare_controller(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
-    inputs = inputs_of(scenario, law, plan, "velocity", nominal=scenario)._replace(
-        integral=np.zeros(3), stop_outside=False
-    )
-    path = make_signal_path(scenario, held, drive="velocity", samples=200)
-    record = np.zeros((200, record_width(design)))
+    loop = Loop(scenario, plant, law, plan, design=design, compiled=False)
+    loop.inputs = loop.inputs._replace(stop_outside=False)
     plant.reset(held + offset)
-    python_loop(plant)(inputs, path, record, law.start.copy(), 0, 200)
+    _, record, _, _ = loop.advance(200)
+    assert len(record) == 200
     x = np.zeros(len(matrix))
     x[: len(seen)] = offset[seen]
     for joints in record[:, seen] - held[seen]:

@@ -1,0 +1,114 @@
+"""A loop gives the same bits in one piece, in blocks of any size, and by single samples."""
+
+import numpy as np
+import pytest
+
+from cranectl.controllers import controller_design
+from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
+from cranectl.signals import PATH_WIDTH
+from cranectl.simulate import Loop, open_run, simulate_run
+from cranectl.simulate.plan import plan_scenario
+from cranectl.simulate.run import record_width
+from cranectl.simulate.runner import make_plant, prepare_controller
+from cranectl.simulate.signal_path import whole_record
+from cranectl.status import RunStatus
+from tests.conftest import PLANTS
+
+CONTROLLER, DRIVE = "lqr+loop-shaping", "velocity"
+EFFECTS = ["effects.delay.seconds=0.003", "effects.sensing.seed=3"]
+STOPPING = ["rig.bridge_range=[0.9, 1.05]", "workspace.on_exit='stop'"]
+SIZES = [1, 7, 1000]
+ROWS = 1000  # of records that are overwritten
+
+
+def make_scenario(*overrides: str) -> Scenario:
+    """Return a scenario of 1.2 s, whose load is pushed."""
+    pushed = "disturbances=[{joint='beta', start=0.1, magnitude=3.0}]"
+    return load_scenario("fixed-position", overrides=["duration=1.2", pushed, *overrides])
+
+
+def make_loop(scenario: Scenario, plant: str = "analytic", *, endless: bool = False, rows: int = 0) -> Loop:
+    """Return a new loop; `rows` is the number of rows of its records, or 0 for new arrays at each call."""
+    design, plan = controller_design(CONTROLLER, scenario), plan_scenario(scenario)
+    controller = prepare_controller(scenario, design, DRIVE, plan)
+    records = np.zeros((rows, record_width(design))), np.zeros((rows, PATH_WIDTH))
+    return Loop(
+        scenario, make_plant(plant, scenario, DRIVE), controller, plan, design=design, endless=endless,
+        records=records if rows else None,
+    )  # fmt: skip
+
+
+def in_blocks(loop: Loop, size: int) -> tuple[bytes, bytes]:
+    """Return the bytes of times and signals of a run in blocks of `size` samples."""
+    times, tables = [], []
+    while not loop.is_finished:
+        time_ns, record, reference, path_record = loop.advance(size)
+        assert (
+            reference.tobytes() == loop.plan.reference[loop.samples - len(record) :][: len(record)].tobytes()
+        )
+        times.append(time_ns.copy())
+        path = None if loop.path is None else path_record
+        tables.append(whole_record(loop.scenario, record, path, loop.plan.wind[: len(record)]).copy())
+    return np.concatenate(times).tobytes(), np.vstack(tables).tobytes()
+
+
+@pytest.mark.parametrize("overrides", [[], EFFECTS, STOPPING], ids=["plain", "effects", "stopping"])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_run_has_the_same_bits_in_blocks_of_any_size(plant: str, overrides: list[str]) -> None:
+    scenario = make_scenario(*overrides)
+    run = simulate_run(scenario, plant=plant, drive=DRIVE, controller=CONTROLLER)
+    assert run.status == (RunStatus.WORKSPACE_LEFT if overrides == STOPPING else RunStatus.COMPLETED)
+    assert run.has("measurement") == (overrides == EFFECTS)
+    for size in SIZES:
+        for rows in (0, ROWS):
+            loop = make_loop(scenario, plant, rows=rows)
+            assert in_blocks(loop, size) == (run.time_ns.tobytes(), run.table.tobytes())
+            assert (loop.status, loop.end_ns, loop.samples) == (run.status, run.end_ns, len(run.table))
+            assert len(loop.advance(size)[0]) == 0, "a finished loop goes on"
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_an_endless_loop_has_the_bits_of_a_run_and_goes_on_after_it(size: int) -> None:
+    scenario = make_scenario(*EFFECTS)
+    run = simulate_run(scenario, plant="analytic", drive=DRIVE, controller=CONTROLLER)
+    loop = make_loop(scenario, endless=True)
+    loop.origin_ns = 5
+    parts = [loop.part(size) for _ in range(-(-len(run.table) // size) + 3)]
+    table = np.vstack([part.table for part in parts])
+    assert len(table) > len(run.table)
+    assert table[: len(run.table)].tobytes() == run.table.tobytes()
+    assert loop.status == RunStatus.RUNNING
+    assert parts[-1].end_ns == parts[-1].time_ns[-1] == 5 + (len(table) - 1) * scenario.period_ns
+
+
+def test_the_rest_of_a_run_has_the_bits_of_the_run() -> None:
+    scenario = make_scenario(*EFFECTS)
+    run = simulate_run(scenario, plant="analytic", drive=DRIVE, controller=CONTROLLER)
+    loop = make_loop(scenario)
+    loop.advance(123)
+    rest = loop.run()
+    assert rest.table.tobytes() == run.table[123:].tobytes()
+    assert rest.time_ns.tobytes() == run.time_ns[123:].tobytes()
+    assert (rest.status, rest.end_ns) == (run.status, run.end_ns)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_program_that_steps_with_the_same_commands_gets_the_same_bits(plant: str) -> None:
+    run = simulate_run(make_scenario(), plant=plant, drive=DRIVE, controller=CONTROLLER)
+    stepped = open_run(make_scenario(), plant=plant, drive=DRIVE)
+    for command in run.block("input")[:, 3:]:
+        stepped.step(command)
+    assert stepped.recorded().block("state").tobytes() == run.block("state").tobytes()
+
+
+@pytest.mark.parametrize("part", ["memory", "integral", "path"])
+def test_a_change_of_what_a_loop_keeps_changes_the_bits(part: str) -> None:
+    """Otherwise the comparisons above would not show that blocks hand it on."""
+    loops = [make_loop(make_scenario(*EFFECTS)) for _ in range(2)]
+    for loop in loops:
+        loop.advance(500)
+    assert loops[1].path is not None
+    kept = {"memory": loops[1].memory, "integral": loops[1].inputs.integral, "path": loops[1].path.estimate}
+    kept[part][:] += 1e-9
+    assert len({in_blocks(loop, 7)[1] for loop in loops}) == 2
