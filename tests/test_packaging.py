@@ -72,7 +72,9 @@ def test_the_wheel_runs_without_the_checkout(wheel: Path, tmp_path: Path) -> Non
     zipfile.ZipFile(wheel).extractall(site)
     work = tmp_path / "work"
     work.mkdir()
-    model_file = python(site, work, "-c", "import cranectl.support.resources as r; print(r.MODEL_FILE)")
+    model_file = python(
+        site, work, "-c", "import cranectl.support.resources as r; print(r.Shipped.MODEL_FILE)"
+    )
     assert model_file.startswith(str(site))
     names = python(site, work, "-m", "cranectl", "list")
     for scenario in ALL_SCENARIOS:

@@ -21,7 +21,7 @@ NANOSECONDS = 10**9
 ROS = {"cdr", "ros1"}  # encodings of messages
 
 
-class Series:
+class MessageSeries:
     """Numbers of messages, by topic and field."""
 
     def __init__(self) -> None:
@@ -106,7 +106,7 @@ def read_mcap(path: Path, where: str) -> TableHead:
         arrays[f"{topic}.time"] = 1e-9 * (column.time_ns - column.time_ns[0])
         for name, values in zip(names, decode_table(column.messages, len(names)).T, strict=True):
             arrays[f"{topic}.{name}"] = values.copy()
-    series = Series()
+    series = MessageSeries()
     for number, channel in contents.channels.items():
         if number not in rows and channel.message_encoding != "json":
             series.leave_out(channel.topic.removeprefix("/"), f"{channel.message_encoding} messages")
@@ -115,7 +115,7 @@ def read_mcap(path: Path, where: str) -> TableHead:
     return series.head(where, arrays)
 
 
-def _add_json(series: Series, path: Path) -> None:
+def _add_json(series: MessageSeries, path: Path) -> None:
     """Add the JSON messages of an MCAP file."""
     from mcap.reader import make_reader
 
@@ -129,7 +129,7 @@ def read_bag(path: Path, where: str) -> TableHead:
     """Return the head of a ROS bag; the files of a bag of ROS 2 are in one directory."""
     from rosbags.highlevel import AnyReader
 
-    series = Series()
+    series = MessageSeries()
     with AnyReader([path if path.suffix == ".bag" else path.parent]) as reader:
         for connection, time_ns, raw in reader.messages():
             series.add_message(connection.topic, time_ns, reader.deserialize(raw, connection.msgtype))

@@ -134,8 +134,7 @@ def constraints(crane_motion: Motion, limits: Limits) -> list[Constraint]:
         Constraint(f"load {axis}", series, low, high, limits.size)
         for axis, series, (low, high) in zip("xyz", crane_motion.load, limits.load.tolist(), strict=True)
     ]
-    p_x, p_y = crane_motion.slopes
-    lean2 = p_x * p_x + p_y * p_y
+    lean2 = crane_motion.slopes[0] * crane_motion.slopes[0] + crane_motion.slopes[1] * crane_motion.slopes[1]
     result.append(Constraint("lean of the rope", lean2, -np.inf, limits.lean**2, limits.lean**2))
     bridge_mass, trolley_mass, winch_mass, mass = limits.masses.tolist()
     tension = crane_motion.secant * crane_motion.acceleration[2] * mass

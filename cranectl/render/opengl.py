@@ -26,7 +26,7 @@ PROBE_TIMEOUT = 60.0  # [s]
 def check_engine() -> None:
     """Raise InputError if MuJoCo refuses MUJOCO_GL, which it checks when it is imported."""
     try:
-        import cranectl.plants.mujoco  # noqa: F401
+        from cranectl.plants import DrawnRig  # noqa: F401 - loads the engine
     except Exception as error:
         raise no_opengl({os.environ.get("MUJOCO_GL", ""): _last_line(str(error))}) from None
 

@@ -223,11 +223,8 @@ class Loop:
         its last call. After Ctrl-C the run is interrupted, and has the samples up to there.
         """
         first, total = self.samples, len(self.plan.time_ns)
-        outside = (
-            ALL_CONTROLLERS.of_design(self.design)
-            if self.design.origin and self._compiled and CAN_FORK
-            else None
-        )
+        is_outside = self.design.origin and self._compiled and CAN_FORK
+        outside = ALL_CONTROLLERS.of_design(self.design) if is_outside else None
         zeros = np.zeros if outside is None else shared_zeros
         record = zeros((total - first, record_width(self.design)))
         path_record = record if self.path is None else zeros((total - first, PATH.width))

@@ -11,8 +11,8 @@ LIMIT_TARGETS = {  # functions by module
         limits_of share_of motion constraints excesses clearance side_distances _symmetric
     """,
     "cranectl.reference.series": """
-        from_derivatives differentiate add_constant add multiply divide take_root square_root
-        cosine_and_sine _dot
+        Series.from_derivatives Series.derivative Series.__add__ Series.__sub__ Series.__rsub__
+        Series.__mul__ Series.__truediv__ Series.sqrt Series.cos_sin square_root _dot
     """,
 }
 INDEX = "next index"  # name of the operation
@@ -24,7 +24,7 @@ _NO_TERM_PREFIXES = (
     "effects.sensing or", "scenario.rig", "scenario.effects", "{", "-np.inf",
 )  # fmt: skip
 _NO_TERMS = (
-    "coefficients", "constraint", "by_name", "name", "quotient", "result", "planning", "rig",
+    "coefficients", "constraint", "by_name", "name", "quotient", "result", "planning", "rig", "Series()",
     "scenario.planning",
 )  # fmt: skip
 

@@ -22,7 +22,7 @@ from cranectl.planning.limits import constraints, limits_of, motion
 from cranectl.planning.plan import plan_move
 from cranectl.planning.problem import ORDERS
 from cranectl.reference import end_point, time_law
-from cranectl.reference.series import from_derivatives
+from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.planning import Obstacle
@@ -145,7 +145,7 @@ def load_series(plan: Scenario, samples: int) -> list[list[Array]]:
             tables.append([s[:, None] * displacement + (k == 0) * start for k, s in enumerate(law)])
         start = end_point(segment, start)
     values = np.concatenate(tables, axis=1)
-    return [from_derivatives(list(values[:, :, axis])) for axis in range(3)]
+    return [Series.from_derivatives(list(values[:, :, axis])) for axis in range(3)]
 
 
 def main() -> int:

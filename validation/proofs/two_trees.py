@@ -57,9 +57,9 @@ def seconds():
     prepare = getattr(runner, "prepare_controller", None) or runner.law_of
     compiled = prepare(scenario, design, crane.drive, plan)
     if not hasattr(runner, "start_run"):
-        from cranectl.signals import PATH_WIDTH
+        from cranectl.signals import PATH
         from cranectl.simulate import Loop
-        records = [np.zeros((len(plan.time_ns), columns)) for columns in (record_width(design), PATH_WIDTH)]
+        records = [np.zeros((len(plan.time_ns), columns)) for columns in (record_width(design), PATH.width)]
         loop = Loop(scenario, crane, compiled, plan, design=design, records=records)
         begin = time.perf_counter()
         loop.advance(len(plan.time_ns))
