@@ -36,7 +36,7 @@ FILES = "PROVEN_FILES"  # names the list of a set's files; tests/conftest.py fai
 PACKAGES = ("cranectl", "docs", "tests", "validation", "viewer")
 NAMED_MODULE = re.compile(rf"((?:{'|'.join(PACKAGES)})(?:\.\w+)+)(?::\w+)?")  # where a registry names a class
 DATA = ("models/**/*", "validation/scenarios/*", "validation/rigs/*", "validation/tolerances.toml")
-DATA += ("cranectl/**/*.h", "constraints.txt")
+DATA += ("cranectl/**/*.h", "cranectl/**/*.pyi", "constraints.txt")
 
 
 @dataclass(frozen=True)

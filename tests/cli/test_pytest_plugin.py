@@ -223,7 +223,7 @@ def test_the_plugin_imports_nothing_until_it_is_used(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-c", script]
     modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert modules.split() == ["cranectl", "cranectl.cli", PLUGIN]
+    assert modules.split() == ["cranectl", "cranectl.cli", PLUGIN, "lazy_loader"]
     loaded = f"[name for name in ('numpy', *{HEAVY!r}) if name in sys.modules]"
     (tmp_path / "test_unrelated.py").write_text(f"import sys\n\ndef test(): assert not {loaded}")
     assert "1 passed" in run_pytest(tmp_path)

@@ -191,7 +191,7 @@ def test_every_kind_of_segment_has_its_phase(tmp_path: Path) -> None:
     changes = {time: change.phase for time, change in messages_of(path, "/analytic/status")}
     expected = [Phase.MOVE, Phase.WAYPOINTS, Phase.SAMPLES, Phase.SPLINE, Phase.DRIVEN, Phase.PATH]
     assert [changes[k * 10**8] for k in range(7)] == [*expected, Phase.HOLD]
-    added = SimpleNamespace(kind="helix", duration=1.0)
+    added = SimpleNamespace(kind="helix", seconds=1.0)
     moved = scenario.reference.model_copy(update={"segments": (added,)})
     assert phases(scenario.model_copy(update={"reference": moved}))[0] == (0, Phase.ADDED)
 

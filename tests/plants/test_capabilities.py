@@ -7,7 +7,6 @@ import pytest
 from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario.effects import (
-    NO_LIMIT,
     Body,
     Delay,
     DriveLimits,
@@ -27,7 +26,7 @@ PIVOT = Friction(coulomb=NONE, viscous=NONE)
 SLIDING, STICKING = (
     {"friction": PIVOT.model_copy(update={part: (1.0, 0.0, 0.0)})} for part in ("viscous", "coulomb")
 )
-UNLIMITED = DriveLimits(force=(NO_LIMIT,) * 3)
+UNLIMITED = DriveLimits(force=(DriveLimits.NO_LIMIT,) * 3)
 LIMITED = {"limits": DriveLimits(force=(60.0, 40.0, 30.0))}
 HEAVY = {"rope": Rope(), "body": Body(), "frame": Frame()}
 DEAD_ZONE = Installation(dead_zone=(0.02, 0.03, 0.01))

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cranectl.controllers import controller_design
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import PATH_WIDTH
+from cranectl.signals import PATH
 from cranectl.simulate import Loop, open_run, simulate_run
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
@@ -30,9 +30,9 @@ def make_scenario(*overrides: str) -> Scenario:
 
 def make_loop(scenario: Scenario, plant: str = "analytic", *, endless: bool = False, rows: int = 0) -> Loop:
     """Return a new loop; `rows` is the number of rows of its records, or 0 for new arrays at each call."""
-    design, plan = controller_design(CONTROLLER, scenario), plan_scenario(scenario)
+    design, plan = ALL_CONTROLLERS.design(CONTROLLER, scenario), plan_scenario(scenario)
     controller = prepare_controller(scenario, design, DRIVE, plan)
-    records = np.zeros((rows, record_width(design))), np.zeros((rows, PATH_WIDTH))
+    records = np.zeros((rows, record_width(design))), np.zeros((rows, PATH.width))
     return Loop(
         scenario, make_plant(plant, scenario, DRIVE), controller, plan, design=design, endless=endless,
         records=records if rows else None,
