@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
+from cranectl import plants
 from cranectl.support import MARK, SAFE_PATH, InputError, answer_of_program
 
 HEADLESS = ("egl", "osmesa")
@@ -26,7 +27,7 @@ PROBE_TIMEOUT = 60.0  # [s]
 def check_engine() -> None:
     """Raise InputError if MuJoCo refuses MUJOCO_GL, which it checks when it is imported."""
     try:
-        from cranectl.plants import DrawnRig  # noqa: F401 - loads the engine
+        _ = plants.DrawnRig  # loads the engine; an import of the name would hide the engine's own error
     except Exception as error:
         raise no_opengl({os.environ.get("MUJOCO_GL", ""): _last_line(str(error))}) from None
 
