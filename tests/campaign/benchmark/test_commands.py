@@ -312,9 +312,9 @@ def test_judged_table_is_found_by_name_in_a_checkout(refused: Refused) -> None:
 def test_error_tells_where_the_judged_table_is(monkeypatch: pytest.MonkeyPatch, refused: Refused) -> None:
     """An installed package has no judged table. A copy from a checkout works by its path."""
     installed = Path("installed").resolve()
-    installed.mkdir()
-    shutil.copy(Shipped.BENCHMARKS.folder / "literature.toml", installed)
-    monkeypatch.setattr("cranectl.cli.benchmark.BENCHMARK_DIRECTORY", installed)
+    left_out = shutil.ignore_patterns("literature.parquet", "__pycache__")
+    shutil.copytree(Shipped.BENCHMARKS.folder, installed, ignore=left_out)
+    monkeypatch.setattr(Shipped, "BENCHMARKS", Shipped("benchmark", installed))
     message = refused("cranectl benchmark report literature.parquet")
     assert "the judged table literature.parquet is in cranectl's repository" in message
     (table,) = re.findall(r"copy (\S+) from a checkout", message)
