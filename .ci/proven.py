@@ -25,7 +25,7 @@ from itertools import groupby
 from pathlib import Path
 
 from cranectl.support.provenance import syntax_of
-from cranectl.support.sources import exported
+from cranectl.support.sources import exported, module_files
 
 ROOT = Path(__file__).resolve().parents[1]
 RECORD = ".ci/proven.json"
@@ -238,6 +238,7 @@ def imported_files(name: str) -> Iterator[str]:
         for end in range(1, len(parts) + 1):
             path = "/".join(parts[:end])
             yield from (each for each in (f"{path}.py", f"{path}/__init__.py") if (ROOT / each).is_file())
+        yield from (file.relative_to(ROOT).as_posix() for file in module_files(ROOT.joinpath(*parts)))
 
 
 def imported_modules(tree: ast.AST) -> Iterator[str]:

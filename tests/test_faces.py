@@ -4,6 +4,8 @@ import ast
 import importlib
 import inspect
 import re
+import subprocess
+import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -81,11 +83,48 @@ def test_names_of_a_face_exist_and_say_what_they_are(room: str) -> None:
             assert inspect.getdoc(found), f"{room}.{name}"
 
 
+@pytest.mark.parametrize("room", FACES)
+def test_caches_follow_each_name_of_a_face(room: str) -> None:
+    """What decides whether a stored result is used again reads the same names from a stub as Python does."""
+    assert set(exported(PACKAGE / room)) == names_of(room)
+
+
 @pytest.mark.parametrize("folder", KEPT_APART)
 def test_models_share_no_equations_even_through_faces(folder: str) -> None:
     reached = imported_files(*(PACKAGE / folder).rglob("*.py"))
     names = {path.relative_to(PACKAGE).as_posix() for path in reached}
     assert not [name for name in names if name.startswith(KEPT_APART[folder])]
+
+
+@pytest.mark.parametrize(
+    ("plant", "others"),
+    [
+        ("analytic", ["plants.elastic", "plants.mujoco", "plants.drake"]),
+        ("elastic.plant", ["model", "controllers", "plants.analytic", "plants.mujoco", "plants.drake"]),
+        ("mujoco.plant", ["model", "controllers", "plants.analytic", "plants.elastic", "plants.drake"]),
+    ],
+)
+def test_a_plant_loads_no_equations_of_another(plant: str, others: list[str]) -> None:
+    """Whatever the stubs say, this is what Python loads."""
+    code = f"import cranectl.plants.{plant}, sys; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    names = {name.removeprefix("cranectl.") for name in loaded.split() if name.startswith("cranectl.")}
+    assert f"plants.{plant}" in names
+    assert not [name for name in names for other in others if f"{name}.".startswith(f"{other}.")]
+
+
+@pytest.mark.parametrize(
+    ("line", "file"),
+    [
+        ("from cranectl.plants import MujocoPlant", "plants/mujoco/plant.py"),
+        ("from cranectl.controllers import (\n    Controller,\n    Nominal,\n)", "controllers/controller.py"),
+        ("import cranectl.model", "model/dynamics.py"),
+        ("from cranectl import plants", "plants/analytic.py"),
+    ],
+)
+def test_an_import_of_a_face_is_followed(line: str, file: str, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(f"{line}\n")
+    assert PACKAGE / file in imported_files(tmp_path / "own.py")
 
 
 def test_a_chain_through_a_face_is_found(tmp_path: Path) -> None:

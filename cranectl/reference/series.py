@@ -50,6 +50,9 @@ class Series(list[Number]):
         size = min(len(self), len(other))
         return Series(_dot(self[: n + 1], other[n::-1] if n else other[:1]) for n in range(size))
 
+    # What a list would do here, repeat or grow, is never meant.
+    __rmul__, __iadd__, __imul__ = __mul__, __add__, __mul__
+
     def __truediv__(self, other: "Series") -> "Series":
         quotient = Series()
         for n in range(min(len(self), len(other))):

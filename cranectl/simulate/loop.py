@@ -1,7 +1,8 @@
 """Advance a run of a scenario on a plant: in one piece, in blocks, or by single samples.
 
-Whole runs, campaigns, live sessions, runs that a program steps, replays and exports are all made here. They
-give the same bits, because one sample depends only on the state, the memories and its rows of the plan.
+Every run is made here: whole ones, those of campaigns and live sessions, replays, and those that a program
+steps. They give the same bits, because a sample depends only on the state, the memories and its rows of the
+plan.
 """
 
 from collections.abc import Callable, Iterator

@@ -38,14 +38,22 @@ def source_of(path: Path) -> str:
 @functools.cache
 def _imported(path: Path) -> frozenset[Path]:
     """Return the files of the package that a source file imports."""
-    files: set[Path | None] = set()
+    files: set[Path] = set()
     for match in _IMPORT.finditer(source_of(path)):
         module = PACKAGE.joinpath(*match[1].split("."))
-        names = re.findall(r"\w+", match[2] or "")
         homes = exported(module)
-        parts = [homes.get(name) or _file(module / name) for name in names]
-        files.update(parts if parts and all(parts) else [*parts, _file(module), *homes.values()])
-    return frozenset(file for file in files if file)
+        parts = [
+            {homes[name]} if name in homes else module_files(module / name)
+            for name in re.findall(r"\w+", match[2] or "")
+        ]
+        files.update(*(parts if parts and all(parts) else [*parts, module_files(module)]))
+    return frozenset(files)
+
+
+def module_files(module: Path) -> set[Path]:
+    """Return the file of a module or folder, and those of all names of its face; none if there is no such."""
+    file = _file(module)
+    return {file, *exported(module).values()} if file else set()
 
 
 @functools.cache

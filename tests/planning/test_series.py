@@ -40,7 +40,11 @@ def test_a_number_is_a_constant() -> None:
     assert [2.5, *A[1:]] == A + 0.5
     assert [1.5, *A[1:]] == A - 0.5
     assert [-1.5, *(-A)[1:]] == 0.5 - A
-    assert A * 2.0 == [4.0, -6.0, 1.0, 8.0, -3.0]
+    assert A * 2.0 == 2.0 * A == 2 * A == [4.0, -6.0, 1.0, 8.0, -3.0]
+    changed = before = Series(A)
+    changed += 0.5
+    changed *= 2
+    assert (changed, before) == ([5.0, -6.0, 1.0, 8.0, -3.0], A)
     assert Series(A[:2]).padded(3) == [2.0, -3.0, 0.0]
 
 
