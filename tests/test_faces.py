@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from tests.conftest import ROOT
 
 PACKAGE = ROOT / "cranectl"
 FACES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.pyi"))
+BESIDE = ("docs", "examples", "tests", "validation", "viewer")
 IMPORT = re.compile(r"from (?:cranectl)?\.(\w+) import (\([^)]*\)|.*)")
 # What the contracts of import-linter forbid even through others, which they cannot see behind faces.
 KEPT_APART = {
@@ -39,6 +41,23 @@ def imports_of_rooms() -> Iterator[tuple[Path, str, str, list[str]]]:
                 room = (*module.split("."), "")[1]
                 if module.startswith("cranectl.") and room in FACES and room != own:
                     yield path, room, module, [alias.name for alias in node.names]
+
+
+def test_names_that_files_beside_the_package_import_exist() -> None:
+    """Pages, the viewer's tests and examples are run late, and a checker of types does not read them."""
+    files = [path for path in ROOT.glob("*/**/*.py") if path.relative_to(ROOT).parts[0] in BESIDE]
+    missing = []
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "cranectl":
+                module = importlib.import_module(node.module or "")
+                missing += [
+                    f"{path.relative_to(ROOT)}: {node.module}.{alias.name}"
+                    for alias in node.names
+                    if not hasattr(module, alias.name) and find_spec(f"{node.module}.{alias.name}") is None
+                ]
+    assert len(files) > 50
+    assert missing == []
 
 
 def names_of(room: str) -> set[str]:
