@@ -68,7 +68,6 @@ COMMANDS = {
         "validate": "Run scenarios on all plants and judge their agreement.",
         "benchmark": "Measure controllers on the same cranes, by rules that favour none.",
         "certify": "Prove at which operating points CONTROLLER is stable.",
-        "advise": "Recommend a controller for SCENARIO, and what to improve first.",
     },
     "Explain": {
         "design": "Design one or several controllers and show what they achieve.",

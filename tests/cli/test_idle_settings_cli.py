@@ -43,8 +43,6 @@ MESSAGES = [
     (f"live fixed-position --plants analytic --port 0 {SHORT} --set planning.lean=0.3 "
      "--set design.hinf.peak=3.0",
      "fixed-position: planning.lean changes nothing here: no segment of the reference is planned"),
-    (f"advise fixed-position {SHORT} --controller lqr --set log.every=2",
-     "log.every changes nothing here: the command does not read it"),
     (f"validate fixed-position --plants analytic --controller lqr --jobs 1 {SHORT} --every 2 --keep none",
      "log.every changes nothing here: the command does not read it"),
     (f"validate fixed-position --plants analytic --controller lqr,pid --jobs 1 {SHORT} "

@@ -57,7 +57,6 @@ def test_all_commands_handle_controllers_outside_the_flat_family(
     "command",
     [
         "budget fixed-position --controller NAME",
-        "advise fixed-position --controller NAME",
         "design NAME --plot a.svg",
     ],
 )
@@ -69,7 +68,7 @@ def test_commands_that_need_a_linear_design_refuse_the_controller(
     assert f"'{name}' has no linear design of one axis of the load" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["advise fixed-position --controller mine.so", "budget mine.toml"])
+@pytest.mark.parametrize("command", ["budget fixed-position --controller mine.so", "budget mine.toml"])
 def test_a_controller_file_is_refused_without_being_opened(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
