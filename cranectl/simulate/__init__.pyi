@@ -35,13 +35,10 @@ from .runner import make_plant as make_plant
 from .runner import prepare_controller as prepare_controller
 from .runner import simulate_run as simulate_run
 from .runner import tracker_of as tracker_of
-from .signal_path import Encoders as Encoders
 from .signal_path import SetpointLimits as SetpointLimits
 from .signal_path import has_signal_path as has_signal_path
 from .signal_path import limit_command as limit_command
-from .signal_path import limited as limited
 from .signal_path import make_encoders as make_encoders
-from .signal_path import make_limits as make_limits
 from .signal_path import new_signal_path as new_signal_path
 from .signal_path import read_encoder as read_encoder
 from .signal_path import whole_record as whole_record

@@ -59,8 +59,6 @@ MESSAGES = [
      "metrics.settling_tolerance changes nothing here"),
     (f"ladder fixed-position {SHORT} --top continuous --set effects.installation.rope_offset=0.01",
      "effects.installation.rope_offset changes nothing here"),
-    (f"budget fixed-position {SHORT} --top sampled --controller lqr --set effects.delay.seconds=0.01",
-     "effects.delay.seconds changes nothing here"),
 ]  # fmt: skip
 
 

@@ -1,7 +1,6 @@
 """The page of a ladder, and the tables of a rig: every row has its columns, marks say what is so."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cranectl.analysis.budget.error_budget import Budget, BudgetLevel
 from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
 from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
@@ -17,7 +15,6 @@ from cranectl.cli.output import FILE_WIDTH, screen_table
 from cranectl.planning import load_scenario
 from cranectl.report.rig.page import deviation_dots
 from cranectl.report.rig.tables import (
-    budget_table,
     ladder_table,
 )
 from cranectl.report.table import Table
@@ -51,29 +48,18 @@ def test_the_page_of_a_ladder(capsys: pytest.CaptureFixture[str]) -> None:
 def test_deviations_are_dots_in_millimetres() -> None:
     """Nothing is at the left edge; what is not there has no dot."""
     pair = {"one": [2e-3, 0.0, np.nan], "other": [1.0, 1.0, 1.0]}
-    (axes,) = deviation_dots("abc", pair, [np.inf, 5e-3, 0.0]).axes
-    one, _, bound = (line.get_xdata() for line in axes.lines)
+    (axes,) = deviation_dots("abc", pair).axes
+    one, _ = (line.get_xdata() for line in axes.lines)
     assert np.array_equal(one, [2.0, 1e-3, np.nan], equal_nan=True)
-    assert list(bound) == [5.0]
 
 
 OVERRIDES = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
-SMALL, LARGE = Size(1e-6, 2e-6, 0.5e-6), Size(1e-3, 3e-3, 2e-3)
+LARGE = Size(1e-3, 3e-3, 2e-3)
 
 
 @pytest.fixture(scope="module")
 def steps() -> list[LevelResult]:
     return list(evaluate_levels(load_scenario("fixed-position", overrides=OVERRIDES), top="limits"))
-
-
-def budget() -> Budget:
-    """The first bound holds, the second does not, the third is none, and its run stopped."""
-    entries = (
-        BudgetLevel("sampled", LARGE, 4e-3, LARGE, "completed"),
-        BudgetLevel("engine", SMALL, 1e-6, SMALL, "completed"),
-        BudgetLevel("servos", SMALL, math.inf, Size(0.0, 0.0, 0.0), "slack-rope"),
-    )
-    return Budget("any", "lqr", entries, LARGE, SMALL)
 
 
 def cells(table: Table, label: str) -> dict[str, tuple[str, str]]:
@@ -83,26 +69,6 @@ def cells(table: Table, label: str) -> dict[str, tuple[str, str]]:
     (row,) = (row for row in table.rows if row[0].text == label)
     headings = (heading.replace("\n", " ") for heading in table.headings)
     return {heading: (cell.text, cell.mark) for heading, cell in zip(headings, row, strict=True)}
-
-
-def test_budget() -> None:
-    table = budget_table(budget())
-    for level, heading, text, mark in (
-        ("sampled", "measured max", "3", ""),
-        ("sampled", "bound of max", "4", ""),
-        ("engine", "bound of max", "0.001", "bad"),
-        ("engine", "estimate max", "0.002", ""),
-        ("servos", "estimate max", "~0.002", "open"),
-        ("servos", "bound of max", "none", ""),
-        ("servos", "over measured", "–", ""),
-        ("all", "measured RMS", "1", ""),
-        ("unexplained", "measured RMS", "0.001", ""),
-    ):
-        assert cells(table, level)[heading] == (text, mark)
-    for note in ("rough estimate, no bound", "ended with slack-rope."):
-        assert f"servos: {note}" in table.note
-    assert "~ marks estimates without a bound. They may be far off" in table.note
-    assert "sampled" not in table.note
 
 
 def test_ladder(steps: list[LevelResult]) -> None:
@@ -131,4 +97,3 @@ def test_a_file_takes_the_widest_table_whole(steps: list[LevelResult]) -> None:
     table = screen_table(ladder_table([last, replace(last, run=stopped, level=longest)]))
     screen = Console(width=1000)
     assert screen.measure(table).maximum <= FILE_WIDTH
-    assert screen.measure(screen_table(budget_table(budget()))).maximum <= FILE_WIDTH

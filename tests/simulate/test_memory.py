@@ -88,7 +88,6 @@ def test_a_ladder_needs_at_most_the_estimated_memory(counted: list[float]) -> No
         "run fixed-position",
         "run fixed-position --drive velocity --plants mujoco",
         "ladder fixed-position",
-        "budget fixed-position",
         "live fixed-position --port 0",
     ],
 )

@@ -54,17 +54,12 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
     )
 
 
-def deviation_dots(
-    names: Sequence[str], pair: Mapping[str, Sequence[float]], bounds: Sequence[float] = ()
-) -> Drawing:
-    """Draw two dots for each name, by label of their values [m], and a mark for a finite bound."""
+def deviation_dots(names: Sequence[str], pair: Mapping[str, Sequence[float]]) -> Drawing:
+    """Draw two dots for each name, by label of their values [m]."""
     (drawing, axes), rows = canvas(WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
     for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
         style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}
         axes.plot(1e3 * np.maximum(values, MIN_DEVIATION), rows + offset, marker, label=label, **style)
-    bounded = [(1e3 * bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
-    if bounded:
-        axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlim=(1e3 * MIN_DEVIATION, None), xlabel="largest deviation of the load [mm]")

@@ -1,9 +1,8 @@
-"""Tables and sentences about a rig, for the terminal and for pages: certificate, ladder, budget."""
+"""Tables and sentences about a rig, for the terminal and for pages: certificate, ladder."""
 
 import math
 from collections.abc import Sequence
 
-from cranectl.analysis.budget.error_budget import Budget
 from cranectl.analysis.certificate.certify import Certificate, Grade, PointVerdict
 from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.structured import DriveMargins
@@ -134,29 +133,3 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
         numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
-
-
-def budget_table(budget: Budget) -> Table:
-    """Return a row for each level, then the sum and the unexplained rest; remarks are in the note."""
-    headings = ("level", *_three("estimate"), *_three("measured"), "ratio\nof RMS", "bound\nof max",
-                "over\nmeasured")  # fmt: skip
-    entries, rows = budget.entries, []
-    for entry in entries:
-        estimate = _sizes(entry.estimate, 2)
-        if entry.rough:
-            estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
-        ratios = (entry.ratio, entry.looseness)
-        ratio, looseness = (f"{ratio:.2f}" if math.isfinite(ratio) else MISSING for ratio in ratios)
-        bound = Cell(_millimetres(entry.bound, 2), "" if entry.holds else "bad")
-        rows.append(cells(entry.level, *estimate, *_sizes(entry.measured, 2), ratio, bound, looseness))
-    for name, size in (("all", budget.total), ("unexplained", budget.rest)):
-        rows.append(cells(name, *[""] * 3, *_sizes(size, 2), *[""] * 3))
-    title = f"Error budget of {budget.scenario}, {budget.controller}: deviations of the load [mm]"
-    remarks = [f"{entry.level}: {entry.remark}." for entry in entries if entry.remark]
-    if any(entry.rough for entry in entries):
-        remarks.append(
-            "~ marks estimates without a bound. They may be far off, and so may the unexplained rest."
-        )
-    stopped = (entry for entry in entries if entry.status != "completed")
-    remarks += [f"{entry.level}: ended with {entry.status}." for entry in stopped]
-    return Table(title, headings, tuple(rows), note="\n".join(remarks))
