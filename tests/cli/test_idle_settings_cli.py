@@ -19,8 +19,6 @@ MESSAGES = [
      "rig.bridge_time_constant changes nothing here: ideal drives have no lag"),
     (f"run fixed-position --plants analytic {SHORT} --set planning.lean=0.3 --set planning.share=0.9",
      "planning.lean, planning.share change nothing here: no segment of the reference is planned"),
-    (f"run fixed-position --plants analytic {SHORT} --set planning.solver='ipopt'",
-     "planning.solver changes nothing here: one solver plans all motions"),
     *((f"{command} --timeout 5", "--timeout changes nothing here: no controller is from a file")
       for command in (
           f"run fixed-position --plants analytic {SHORT}",
