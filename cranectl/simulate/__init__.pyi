@@ -10,7 +10,6 @@ from .idle_settings import RunKind as RunKind
 from .idle_settings import idle_settings as idle_settings
 from .idle_settings import why_idle_on_plant as why_idle_on_plant
 from .loop import Loop as Loop
-from .memory import MAX_BYTES as MAX_BYTES
 from .memory import check_planned as check_planned
 from .memory import check_runs as check_runs
 from .memory import check_several as check_several
