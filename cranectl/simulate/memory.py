@@ -35,8 +35,8 @@ def check_several_plans(scenarios: Iterable[Scenario]) -> None:
 
 def check_runs(scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int = 1) -> None:
     """Raise InputError if runs on that many `plants` take too much memory together."""
-    many, fewer = ("a run", "") if plants == 1 else (f"the runs of {plants} plants", ", or name fewer plants")
-    _check([scenario], PLANNED + plants * _recorded(scenario, design, drive), many, otherwise=fewer)
+    many = "a run" if plants == 1 else f"the runs of {plants} plants"
+    _check([scenario], PLANNED + plants * _recorded(scenario, design, drive), many, fewer_plants=plants > 1)
 
 
 def check_several(
@@ -59,7 +59,12 @@ def _bound(scenarios: Iterable[Scenario], columns: int) -> int:
 
 
 def _check(
-    scenarios: list[Scenario], columns: int, what: str, *, max_bytes: int = MAX_BYTES, otherwise: str = ""
+    scenarios: list[Scenario],
+    columns: int,
+    what: str,
+    *,
+    max_bytes: int = MAX_BYTES,
+    fewer_plants: bool = False,
 ) -> None:
     """Raise InputError if `what` of the first scenario takes more than `max_bytes`."""
     needed, scenario = _bound(scenarios, columns), scenarios[0]
@@ -71,7 +76,7 @@ def _check(
         f"{needed / 2**30:.3g} GiB of memory",
         allowed=f"at most {max_bytes / 2**30:g} GiB, which is {int(max_bytes / needed * samples)} samples",
         remedy=f"set control.period to {exact_seconds(_longer_period(scenario, times))}, or shorten duration"
-        + otherwise,
+        + (", or name fewer plants" if fewer_plants else ""),
     )
 
 
