@@ -10,7 +10,6 @@ from multiprocessing import get_context
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
-from cranectl.analysis.budget.error_budget import error_budget
 from cranectl.planning import load_scenario
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import scenario_names
@@ -29,11 +28,6 @@ def compile_loops(plant: str) -> None:
         simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
 
 
-def compile_budget() -> None:
-    """Compile everything that the error budget needs."""
-    error_budget(load_scenario("fixed-position", overrides=SHORT), "lqr+hinf")
-
-
 def make_plans() -> None:
     """Plan the motions of all scenarios."""
     for name in scenario_names():
@@ -45,8 +39,7 @@ def main() -> None:
     first, *others = PLANTS.by_default
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         report({"plans": pool.submit(make_plans), f"loop of {first}": pool.submit(compile_loops, first)})
-        rest = {f"loop of {plant}": pool.submit(compile_loops, plant) for plant in others}
-        report({"error budget": pool.submit(compile_budget), **rest})
+        report({f"loop of {plant}": pool.submit(compile_loops, plant) for plant in others})
 
 
 def report(jobs: dict[str, Future[None]]) -> None:

@@ -41,7 +41,6 @@ class Hinge(Effect):
 WITH_HINGE = """
 import dataclasses, json
 import numpy as np
-from cranectl.analysis.budget.prediction import LEVELS
 from cranectl.analysis.certificate.linear_plant import LINEAR
 from cranectl.plants.registry import COMMON, PLANTS, register_plant
 from cranectl.plants.trials import check_honest
@@ -80,7 +79,6 @@ results = {
     "schema": call("list", "--schema", "scenario")[1],
     "ladder": call("ladder", "--help")[1],
     "linear": LINEAR,
-    "budget": LEVELS,
     "absent": dataclasses.replace(PLANTS["drake"], package="absent").lack("hinge"),
     "declared": [check(name, f"cranectl.plants.{name}.plant") for name in ("mujoco", "elastic")],
 }
@@ -106,7 +104,6 @@ def test_schema_scaling_ladder_and_certificate_follow_from_the_class(hinge: Any)
     assert '"hinge"' in hinge["schema"]
     assert "hinge       a spring in the joint" in hinge["ladder"]
     assert "hinge" in hinge["linear"]
-    assert "hinge" not in hinge["budget"], "the budget uses the elastic plant, which does not show it"
     assert hinge["stiffness"] > 1e4, "the default scales to a crane for tonnes"
 
 

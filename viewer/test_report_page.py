@@ -36,7 +36,6 @@ bridge_time_constant = { distribution = "log-uniform", low = 0.01, high = 0.04 }
 PAGE_COMMANDS = {  # commands that write a page, by its name
     "campaign": ("campaign run narrow.toml --out narrow", "campaign report narrow --out campaign.html"),
     "ladder": ("ladder fixed-position --set duration=2 --set disturbances=[] --report ladder.html",),
-    "advice": ("advise fixed-position --set duration=2 --set disturbances=[] --report advice.html",),
 }
 
 

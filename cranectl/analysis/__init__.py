@@ -1,1 +1,1 @@
-"""Measure, predict and certify the effect of the differences between a rig and its design model."""
+"""Measure and certify the effect of the differences between a rig and its design model."""

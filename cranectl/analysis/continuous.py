@@ -32,7 +32,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.simulate import MAX_BYTES, Plan, Run, check_several, plan_scenario, record_width, whole_record
+from cranectl.simulate import Plan, Run, check_several, plan_scenario, record_width, whole_record
 from cranectl.status import RunStatus
 from cranectl.support import Array, jit_called
 
@@ -170,7 +170,7 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     period = scenario.period_ns / NANOSECONDS
     parts = max(ceil(period / MAX_STEP - 1e-9), ceil(period * fastest / STIFFNESS), 1)
     columns = record_width(design) + PART_COLUMNS * parts
-    check_several(scenario, design, 1, "a run in continuous time", columns=columns, max_bytes=MAX_BYTES)
+    check_several(scenario, design, 1, "a run in continuous time", columns=columns)
     plan = plan_scenario(scenario)
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)

@@ -23,7 +23,6 @@ from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.plants import StepError, examine, honoured_effects
 from cranectl.scenario import Scenario
 from cranectl.simulate import (
-    MAX_BYTES,
     Run,
     check_several,
     make_plant,
@@ -102,7 +101,7 @@ def evaluate_levels(
     InputError.check_known("fidelity level", [top], NAMES)
     design = ALL_CONTROLLERS.design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
-    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder", max_bytes=MAX_BYTES)
+    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder")
     added = [name for name in names if name in EFFECT_LEVELS]
     alone = {name: with_effects(scenario, [name]) for name in added}
     cumulative = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}

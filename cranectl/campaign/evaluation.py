@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.manifest import has_lags
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import (
     Correlations,
@@ -193,10 +192,9 @@ def analyse(results: Results) -> Analysis:
     """Compute all results of a campaign; the same campaign gives the same numbers."""
     values, groups = parameter_values(results), groups_of(results)
     reference = PLANTS.reference(results.campaign.settings.plants)
-    excluded = {"analytic"} if has_lags(results.manifest) else set()  # its drives differ from other plants'
     pairs = []
     for a, b in itertools.combinations(groups, 2):
-        with_reference = reference in (a.plant, b.plant) and excluded.isdisjoint((a.plant, b.plant))
+        with_reference = reference in (a.plant, b.plant)
         if a.plant == b.plant or (a.controller == b.controller and with_reference):
             pairs.append(pair_of(a, b))
     return Analysis(

@@ -21,7 +21,7 @@ from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_f
 from cranectl.support import HARMLESS, InputError, Table, documents, provenance, provenance_differences
 
 FORMAT = 3
-RULE = 1  # version of the identities; parts of all formats have the same
+RULE = 1  # version of the identities
 DEFAULT_METRICS = MetricSettings().model_dump(mode="json")
 DEFAULT_RIG = RigParameters().model_dump(mode="json")
 SERVOS = "servos"  # the present velocity drives of the analytic plant
@@ -58,11 +58,6 @@ def changes_of_software(
         if not name.startswith(("law ", "model ")) or name in installed
     }
     return tuple(provenance_differences(comparable, installed))
-
-
-def has_lags(manifest: Mapping[str, Any]) -> bool:
-    """Return True if the runs used the analytic velocity drives of version 0.2, which ignore the load."""
-    return _has_analytic_drives(manifest["campaign"]) and manifest.get("velocity_drives") != SERVOS
 
 
 def _has_analytic_drives(campaign: Mapping[str, Any]) -> bool:
@@ -119,10 +114,10 @@ def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> 
 
 
 def checked_manifest(data: Any, source: str) -> Table:
-    """Return the manifest `data` in the newest format; raise InputError if it is not a manifest."""
+    """Return the manifest `data`; raise InputError if it is none, or one of another format."""
     number = data.get("format") if isinstance(data, dict) else None
-    if isinstance(number, int) and number in READERS:
-        manifest = {**data, **READERS[number], "format": FORMAT}
+    if number == FORMAT:
+        manifest: Table = data
         tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
         if isinstance(scenario := manifest.get("scenario"), dict):
             reference = scenario.get("reference")
@@ -134,11 +129,13 @@ def checked_manifest(data: Any, source: str) -> Table:
                 tables += [segment[key] for key in ("source", "made_from") if segment.get(key) is not None]
         if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
             return manifest
-    newer = isinstance(number, int) and number > FORMAT
+    other = type(number) is int and number != FORMAT
     raise InputError(
-        f"{source} has format {number}" if newer else f"{source} is not the manifest of a campaign",
-        allowed=f"a result of format {min(READERS)} to {FORMAT}",
-        remedy="read it with a newer cranectl" if newer else "check the path, or run the campaign again",
+        f"{source} has format {number}" if other else f"{source} is not the manifest of a campaign",
+        allowed=f"a result of format {FORMAT}",
+        remedy="read it with the version of cranectl that wrote it, or run the campaign again"
+        if other
+        else "check the path, or run the campaign again",
     )
 
 
@@ -195,11 +192,6 @@ def _decisive(manifest: Mapping[str, Any]) -> Table:
     ]
     drives = {key: manifest[key] for key in ("velocity_drives",) if key in manifest}
     return {"campaign": campaign, "runs": manifest["runs"], "scenario": scenario, **drives}
-
-
-# What manifests of each format lack. Format 1 has versions of packages only, and none of sources, models and
-# data. Parts of formats 1 and 2 lack columns, which `table.read_part` adds.
-READERS: dict[int, Table] = {1: {"accepted": []}, 2: {}, FORMAT: {}}
 
 
 def _short(value: Any) -> str:

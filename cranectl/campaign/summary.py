@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.manifest import changes_of_software, has_lags
+from cranectl.campaign.manifest import changes_of_software
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
@@ -269,8 +269,4 @@ def software_notes(results: Results) -> list[str]:
         for maker, count in zip(software, runs, strict=True)
         if maker.differences
     ]
-    drives = [
-        "the velocity drives of the analytic plant were lags that do not feel the load, unlike those of all "
-        "plants now: its runs are not compared with those of other plants"
-    ]
-    return mixed + others + (drives if has_lags(results.manifest) else [])
+    return mixed + others

@@ -105,8 +105,6 @@ def arrow_schema(campaign: Campaign, metadata: dict[str, str]) -> Any:
     return pyarrow.schema(fields, metadata=metadata)
 
 
-# Metrics without columns in parts of formats 1 and 2; they are read as null.
-SINCE_FORMAT_3 = ("min_clearance_m", "residual_sway_about_lean_rad", "command_variation_m_s2")
 BATCH_KEYS = (b"plant", b"controller", b"first")  # metadata that identifies the batch
 DIGEST = b"columns"  # metadata with the digest of all column descriptions
 DICTIONARY_COLUMNS = ["plant", "controller", "status", "reason"]  # columns of few values, stored compactly
@@ -164,18 +162,12 @@ def read_part(
     if origin is None:
         raise ResultDamageError("it belongs to another campaign")
     expected = _part_schema(campaign, origin, batch)
-    absent = {name for name in expected.names if name.startswith(SINCE_FORMAT_3) and name not in schema.names}
-    known = pyarrow.schema(
-        [field for field in expected if field.name not in absent], metadata=expected.metadata
-    )
-    _check_schema(schema, known)
+    _check_schema(schema, expected)
     keys = [list(range(batch.first, batch.last)), [batch.plant], [batch.controller]]
     contents = [table["sample"].to_pylist()]
     contents += [sorted(set(table[name].to_pylist())) for name in ("plant", "controller")]
     if contents != keys:
         raise ResultDamageError("its rows are not those of its batch")
-    for name in absent:
-        table = table.append_column(name, pyarrow.nulls(len(table), expected.field(name).type))
     return table.select(expected.names).cast(expected), origin
 
 
@@ -193,8 +185,8 @@ def _check_schema(stored: Any, expected: Any) -> None:
     batch = [metadata.get(key, b"").decode(errors="replace") for key in BATCH_KEYS]
     if batch != [own[key].decode() for key in BATCH_KEYS]:
         raise ResultDamageError(f"it holds the batch {' '.join(batch)}")
-    # Descriptions may differ between versions: their digest is that of the part itself. Format 1 has none.
-    if metadata | {DIGEST: b""} != own | {DIGEST: b""} or metadata.get(DIGEST) not in (None, _digest(stored)):
+    # Descriptions may differ between versions: their digest is that of the part itself.
+    if metadata | {DIGEST: b""} != own | {DIGEST: b""} or metadata.get(DIGEST) != _digest(stored):
         raise ResultDamageError("its metadata was changed")
     units = [[(field.metadata or {}).get(b"unit") for field in schema] for schema in (stored, expected)]
     if not stored.equals(expected) or units[0] != units[1]:

@@ -253,7 +253,7 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 def prepare_case(case: Case) -> dict[str, Any]:
     """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
     design = ALL_CONTROLLERS.design(case.controller, case.scenario)
-    check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
+    check_runs(case.scenario, design, case.drive, len(case.plants))
     plan = plan_scenario(case.scenario)
     return {
         "drive": case.drive,

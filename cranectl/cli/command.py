@@ -129,22 +129,6 @@ def json_option(function: F) -> F:
     return command  # type: ignore[return-value]
 
 
-def _refuse_predict(_context: click.Context, _parameter: click.Parameter, is_given: bool) -> None:
-    if is_given:
-        raise InputError(
-            "--predict",
-            allowed="nothing in its place: velocity drives of all plants feel the load, so that plants "
-            "are judged by the same limits with every scenario and rig",
-            remedy="leave it out",
-        )
-
-
-# Of earlier versions; it says what replaced it.
-predict_option = click.option(
-    "--predict", is_flag=True, hidden=True, expose_value=False, callback=_refuse_predict
-)
-
-
 def output_option(
     name: str, kind: FileKind | None, help_text: str, *, endings: tuple[str, ...] = ()
 ) -> Callable[[F], F]:

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 @command.output_option(
     "--out", FileKind.MCAP, "With a measured LOG: write it with its predictions as an overlay."
 )
-@command.predict_option
 @command.json_option
 def compare_command(
     logs: tuple[Path, ...],

@@ -106,31 +106,16 @@ def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F
     )
 
 
-def _use_former_name(context: click.Context, _parameter: click.Parameter, seconds: float | None) -> None:
-    if seconds is not None:
-        click.echo("cranectl: --patience is now --timeout; version 1.0 removes the old name", err=True)
-        context.default_map = {**(context.default_map or {}), "timeout": seconds}
-
-
 def timeout_option(function: F) -> F:
-    """Add `--timeout`, and its former name `--patience`, which warns."""
-    former = click.option(
-        "--patience",
-        type=Seconds(),
-        hidden=True,
-        expose_value=False,
-        is_eager=True,
-        callback=_use_former_name,
-    )
-    present = click.option(
+    """Add `--timeout`."""
+    return click.option(
         "--timeout",
         type=Seconds(),
         metavar="S",
         default=120.0,
         show_default=True,
         help="Seconds that a block of 1000 samples may take with the controller of a file.",
-    )
-    return present(former(function))
+    )(function)
 
 
 def trust_option(document: str) -> Callable[[F], F]:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 @click.argument("file", metavar="FILE", type=command.PATH)
 @command.scenario_options
 @click.option("--as-is", is_flag=True, help="Of a model: it is meant to differ, so the exit code is 0.")
-@command.predict_option
 @command.json_option
 def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, screen: Screen) -> int:
     """Show what a log, a rig, a scenario or a crane's model file is.

@@ -10,11 +10,9 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.controller_options import controller_option
 from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen, progress_bar
-from cranectl.cli.refused_options import refuse_options
 from cranectl.support import FileKind
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
-LAST_PREDICTED = "friction"  # level, by default
 
 
 class LadderCommand(command.Command):
@@ -33,7 +31,6 @@ class LadderCommand(command.Command):
 @command.scenario_argument
 @controller_option
 @click.option("--top", show_default="the last", metavar="LEVEL", help="The last level of the shipped plants.")
-@click.option("--predict", is_flag=True, help="Predict what each effect does, and compare.")
 @command.scenario_options
 @command.output_option(
     "--out", FileKind.MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
@@ -44,7 +41,6 @@ def ladder_command(
     request: command.ScenarioRequest,
     controller: str | None,
     top: str | None,
-    predict: bool,
     out: Path | None,
     report: Path | None,
     screen: Screen,
@@ -59,16 +55,10 @@ def ladder_command(
     If the rig names a model, as in `--set rig.model=mine.xml`, that is the last level. It has those effects
     that the model honours.
 
-    With --predict the error budget is printed: what each effect must do to the load, and what it does in
-    a run. Its levels begin with `sampled`, control at the control period against control in continuous
-    time, and `engine`, the integrator of the physics engine against the exact equations. The last one is
-    `friction`, unless --top says otherwise. Exit code 1 if a measurement exceeds its bound.
-
     \b
     cranectl ladder settled-trajectory
     cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
-    cranectl ladder fast-diagonal --controller lqr+hinf --predict
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
@@ -78,14 +68,6 @@ def ladder_command(
     from cranectl.report.rig.tables import ladder_table
     from cranectl.support import provenance
 
-    if predict:
-        refuse_options(
-            {"--out": out, "--report": report},
-            "with --predict, which prints a table",
-            allowed="--predict with --json",
-            remedy="leave out {}, or --predict",
-        )
-        return _print_prediction(request, controller, top or LAST_PREDICTED, screen)
     top = top or NAMES[-1]
     loaded = request.load()
     name = controller or loaded.controller.name
@@ -113,24 +95,6 @@ def ladder_command(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
     return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD
-
-
-def _print_prediction(
-    request: command.ScenarioRequest, controller: str | None, top: str, screen: Screen
-) -> int:
-    """Predict what each effect does to the load, run it and compare; return the exit code."""
-    from cranectl.analysis.budget.error_budget import SENSING, error_budget, simulated_seconds
-    from cranectl.report.rig.tables import budget_table
-
-    loaded = request.load()
-    with progress_bar(simulated_seconds(loaded, top), f"{loaded.name}, budget") as advance:
-        budget = error_budget(loaded, controller, top=top, progress=advance)
-    screen.print(budget_table(budget))
-    added = {"sensing" if entry.level in SENSING else entry.level for entry in budget.entries}
-    unread = [*OF_RUNS, "metrics.*", "obstacles.*", *_other_effects(added)]
-    print_idle_in_analysis(screen, loaded, request, [budget.controller], unread=unread)
-    screen.write_json(budget.to_json())
-    return exit_codes.GOOD if budget.holds else exit_codes.LIMIT_EXCEEDED
 
 
 def _other_effects(added: set[str]) -> list[str]:

@@ -68,7 +68,6 @@ COMMANDS = {
         "validate": "Run scenarios on all plants and judge their agreement.",
         "benchmark": "Measure controllers on the same cranes, by rules that favour none.",
         "certify": "Prove at which operating points CONTROLLER is stable.",
-        "advise": "Recommend a controller for SCENARIO, and what to improve first.",
     },
     "Explain": {
         "design": "Design one or several controllers and show what they achieve.",
@@ -77,7 +76,6 @@ COMMANDS = {
         "thesis": "Run chapter 5 of the thesis again and compare its numbers.",
     },
 }
-FORMER_NAMES = {"budget": ("ladder", "--predict")}  # until 1.0
 NAMES = [name for summaries in COMMANDS.values() for name in summaries]
 
 
@@ -119,9 +117,6 @@ def main(arguments: list[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
     arguments = [argument for argument in words if argument != TRACEBACK]
     with steady_streams():
-        if arguments and (new := FORMER_NAMES.get(arguments[0])):
-            print(f"cranectl {arguments[0]} is now cranectl {' '.join(new)}", file=sys.stderr)
-            arguments = [*new, *arguments[1:]]
         return _run(arguments, TRACEBACK in words)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, predict_option
+from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError, check_replaceable, short_names
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 @click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
 @output_option("--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
 @directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
-@predict_option
 def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
 

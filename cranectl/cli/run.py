@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FileKind.FMUS
 )
 @fmi_option
-@command.predict_option
 @command.json_option
 def run_command(
     request: command.ScenarioRequest,

@@ -39,7 +39,6 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 @command.scenario_options
 @command.directory_option("--out", "Directory for the logs.", default="logs", show_default=True)
 @count_option("--jobs", "Worker processes. Default: one for each core.", highest=MAX_WORKERS)
-@command.predict_option
 @command.every_option
 @timeout_option
 @click.option(

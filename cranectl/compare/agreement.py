@@ -20,7 +20,6 @@ from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import Shipped, check_ascending, checks_arguments, read_toml
 
-LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
 ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
 MAX_HALVINGS = 4  # of the physics step
@@ -55,10 +54,6 @@ ENCODER_STEPS = NoLimits(
     "and a loop near instability amplifies this difference"
 )
 SMOOTHED_FRICTION = NoLimits("the analytic plant smooths Coulomb's friction of the joint, so it never sticks")
-EARLIER_DRIVES = NoLimits(
-    "the analytic plant of this log has the velocity drives of an earlier version, lags that do not feel the "
-    "load; run it again to judge it"
-)
 
 
 def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
@@ -208,8 +203,6 @@ def judge(
     """
     comparison = comparison or compare_runs(a, b, signals=())
     limits = limits or pair_limits(a.scenario, a.drive, (a.plant, b.plant))
-    if ("analytic", "velocity", LAGGING_MODEL) in [(run.plant, run.drive, run.model) for run in (a, b)]:
-        limits = EARLIER_DRIVES
     known = limits if isinstance(limits, AgreementLimits) else None
     return Agreement(
         scenario=a.scenario.name,

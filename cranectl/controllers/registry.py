@@ -103,12 +103,6 @@ class Controllers(Mapping[str, "Controller"]):
         stated = scenario.controller.parameters.get(name, {})
         return controller.designed(stated, scenario.rig.design_scale)
 
-    def flat_design(self, name: str, scenario: Scenario) -> Design:
-        """Return the design `name` of the flat family; raise InputError for any other controller."""
-        if is_reference(name):
-            raise _no_linear_design(name)
-        return only_flat(self.design(name, scenario))
-
     def of_design(self, design: ControllerDesign) -> "Controller":
         """Return the controller that runs `design`; from a file, the version with the same content.
 
@@ -206,13 +200,9 @@ def is_reference(text: str) -> bool:
 def only_flat(design: ControllerDesign) -> Design:
     """Return the linear design of one axis that `design` has; raise InputError if it has none."""
     if design.axis_design is None:
-        raise _no_linear_design(design.name)
+        raise InputError(
+            f"'{design.name}' has no linear design of one axis of the load, on which this judgement rests",
+            allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
+            remedy="judge it by simulation: cranectl ladder, cranectl campaign",
+        )
     return design.axis_design
-
-
-def _no_linear_design(name: str) -> InputError:
-    return InputError(
-        f"'{name}' has no linear design of one axis of the load, on which this judgement rests",
-        allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
-        remedy="judge it by simulation: cranectl ladder, cranectl campaign",
-    )

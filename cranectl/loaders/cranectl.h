@@ -20,7 +20,7 @@ extern "C" {
 #define CRANECTL_EXPORT __attribute__((visibility("default")))
 #endif
 
-#define CRANECTL_ABI 4 /* 1 had neither search nor length_power, 2 no reads, 3 no period; all still run */
+#define CRANECTL_ABI 4
 
 enum { CRANECTL_ACCELERATION, CRANECTL_VELOCITY, CRANECTL_FORCE }; /* commanded: m/s^2, m/s, N */
 enum { CRANECTL_PATH, CRANECTL_SET_POINT };                        /* followed; the latter: where a segment ends */

@@ -6,7 +6,7 @@
 import ctypes
 import math
 import random
-from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32, cast
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint32
 from typing import Any
 
 TRIAL_STEPS = 500  # steps with two memories in turn, to detect state kept elsewhere
@@ -20,13 +20,9 @@ class CParameter(Structure):
     _fields_ = (
         *((name, c_char_p) for name in ("name", "unit", "description")),
         *((name, c_double) for name in ("initial", "lowest", "highest")),
+        ("search", c_double * 2),
+        ("length_power", c_double),
     )
-
-
-class CTunable(CParameter):
-    """cranectl_parameter since version 2."""
-
-    _fields_ = (("search", c_double * 2), ("length_power", c_double))
 
 
 class CSignal(Structure):
@@ -35,7 +31,7 @@ class CSignal(Structure):
     _fields_ = (*((name, c_char_p) for name in ("name", "unit", "description")), ("place", c_int64))
 
 
-PARAMETERS = {1: CParameter, 2: CTunable, 3: CTunable, 4: CTunable}  # by version of the interface
+ABI = 4  # version of the interface
 CHOICES = {
     "command": ("acceleration", "velocity", "force"),
     "follows": ("path", "set-point"),
@@ -58,22 +54,11 @@ class CDeclaration(Structure):
         *((name, c_int32) for name in ("memory", "numbers", "parameter_count", "signal_count")),
         ("parameters", POINTER(CParameter)),
         ("signals", POINTER(CSignal)),
+        ("reads", c_char_p),
+        ("period", c_double),
     )
 
 
-class CReading(CDeclaration):
-    """cranectl_declaration of version 3."""
-
-    _fields_ = (("reads", c_char_p),)
-
-
-class CTimed(CDeclaration):
-    """cranectl_declaration since version 4."""
-
-    _fields_ = (("reads", c_char_p), ("period", c_double))
-
-
-DECLARATIONS = {1: CDeclaration, 2: CDeclaration, 3: CReading, 4: CTimed}  # by version of the interface
 NUMBERS = ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass")
 OF_RIG = (*NUMBERS, "time_constants")
 
@@ -114,28 +99,23 @@ def declaration(library: ctypes.CDLL) -> Plain:
     if not pointer:
         raise ValueError("cranectl_controller returns no declaration")
     declared = pointer.contents
-    if declared.abi not in PARAMETERS:
-        raise ValueError(
-            f"it was built for version {declared.abi} of the interface, this is {max(PARAMETERS)}"
-        )
-    kind = DECLARATIONS[declared.abi]
-    if declared.size != ctypes.sizeof(kind):
-        raise ValueError(f"its declaration has {declared.size} bytes, it should have {ctypes.sizeof(kind)}")
+    if declared.abi != ABI:
+        raise ValueError(f"it was built for version {declared.abi} of the interface, this is {ABI}")
+    if declared.size != (size := ctypes.sizeof(CDeclaration)):
+        raise ValueError(f"its declaration has {declared.size} bytes, it should have {size}")
     plain: Plain = {name: getattr(declared, name) for name in MAX_DECLARED}
     for name, value in plain.items():
         lowest, highest = int(name == "every"), MAX_DECLARED[name]
         if not lowest <= value <= highest:
             raise ValueError(f"{name} = {value}, allowed is {lowest} to {highest}")
-    parameters = cast(declared.parameters, POINTER(PARAMETERS[declared.abi]))
-    whole = cast(pointer, POINTER(kind)).contents
     plain |= {name: choices[plain[name]] for name, choices in CHOICES.items()}
     return plain | {
         "name": text(declared.name),
         "title": text(declared.title),
         "numbers": max(declared.numbers, declared.parameter_count),
-        "parameters": [parameter(item) for item in parameters[: declared.parameter_count]],
-        "reads": read_fields(library, whole),
-        "period": getattr(whole, "period", 0.0) or None,
+        "parameters": [parameter(item) for item in declared.parameters[: declared.parameter_count]],
+        "reads": read_fields(library, declared),
+        "period": declared.period or None,
         "signals": [
             [signal.place, text(signal.name), text(signal.unit), text(signal.description)]
             for signal in declared.signals[: declared.signal_count]
@@ -147,8 +127,7 @@ def read_fields(library: ctypes.CDLL, declared: Any) -> list[str] | None:
     """Return the rig fields that the library declares to read, or None if it does not say."""
     if not hasattr(library, "cranectl_prepare"):
         return []
-    raw = getattr(declared, "reads", None)
-    names = None if raw is None else text(raw).split()
+    names = None if declared.reads is None else text(declared.reads).split()
     for name in names or ():
         if name not in OF_RIG:
             raise ValueError(f"reads names '{name}', allowed is {', '.join(OF_RIG)}")
@@ -157,7 +136,7 @@ def read_fields(library: ctypes.CDLL, declared: Any) -> list[str] | None:
 
 def parameter(declared: Any) -> Plain:
     """Return a parameter in the form of `Parameter`; raise ValueError for an invalid search range."""
-    low, high = getattr(declared, "search", (0.0, 0.0))
+    low, high = declared.search
     search = None if low == high == 0.0 else (low, high)
     if search and not 0.0 < low < high < math.inf:
         name = text(declared.name)
@@ -170,7 +149,7 @@ def parameter(declared: Any) -> Plain:
         "lowest": declared.lowest,
         "highest": declared.highest,
         "search": search,
-        "length_power": getattr(declared, "length_power", 0.0),
+        "length_power": declared.length_power,
     }
 
 

@@ -1,8 +1,7 @@
 """Write and read the header of a log: scenario, design, plants and outcomes of its runs.
 
 Rule of the format number (docs/reference/logs.md): it rises with each change that would make an older reader
-misread or refuse a log. Additions that older readers ignore do not raise it. Every format since 2 stays
-readable.
+misread or refuse a log. Additions that older readers ignore do not raise it. Formats 2 and 3 stay readable.
 """
 
 import json

@@ -5,7 +5,6 @@ from .addressed import addressed_plant as addressed_plant
 from .addressed import addressed_warnings as addressed_warnings
 from .addressed import advance_addressed as advance_addressed
 from .addressed import measure_addressed as measure_addressed
-from .addressed import next_states as next_states
 from .addressed import plant_object as plant_object
 from .analytic import AnalyticPlant as AnalyticPlant
 from .analytic import observe_load as observe_load
@@ -14,7 +13,6 @@ from .capabilities import check_effects as check_effects
 from .capabilities import check_scenario as check_scenario
 from .capabilities import honoured_effects as honoured_effects
 from .differences import jacobian as jacobian
-from .elastic.plant import ElasticPlant as ElasticPlant
 from .model_files import MODEL_ENDING as MODEL_ENDING
 from .model_files import examine as examine
 from .model_files import plant_named as plant_named
@@ -23,7 +21,6 @@ from .model_files import plants_named as plants_named
 from .mujoco.drawn_rig import DrawnRig as DrawnRig
 from .mujoco.geometry import rig_solids as rig_solids
 from .mujoco.linearisation import Equilibrium as Equilibrium
-from .mujoco.model import ideal_inertia as ideal_inertia
 from .mujoco.own_check import find_differences as find_differences
 from .mujoco.own_model import open_model as open_model
 from .mujoco.plant import MujocoPlant as MujocoPlant

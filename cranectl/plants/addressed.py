@@ -19,7 +19,6 @@ from cranectl.support import (
     array_at,
     jit,
     jit_address,
-    jit_called,
     jit_object,
     packed,
     type_of,
@@ -136,32 +135,3 @@ def advance_addressed(plant, command, disturbance, wind, load):
 def addressed_warnings(plant):
     """Return the number of numerical warnings, or -1 if a kernel raised an exception."""
     return plant.warned[0]
-
-
-@jit_called
-def step_each(plant, state, load, ports, winds, following):
-    """Write the states one control period after `ports`, see `next_states`, into `following`.
-
-    `state` is that of `plant`; `load` (7,) is work space.
-    """
-    size = state.shape[0]
-    for k in range(len(following)):
-        for i in range(size):
-            state[i] = ports[k, i]
-        command = (ports[k, size], ports[k, size + 1], ports[k, size + 2])
-        advance_addressed(plant, command, ports[k, size + 3 :], winds[k], load)
-        for i in range(size):
-            following[k, i] = state[i]
-
-
-def next_states(plant: Plant, ports: Array, winds: Array) -> Array:
-    """Return the states (N, s) of a plant one control period after `ports`, in `winds` (N, 6).
-
-    `ports` (N, s + 5) has its state, the command and the disturbance of the angles. The plant must have
-    kernels, whose handle has the state.
-    """
-    assert plant.kernels is not None
-    following, handle = np.zeros((len(ports), ports.shape[1] - 5)), plant.handle
-    ports, winds = np.ascontiguousarray(ports), np.ascontiguousarray(winds)
-    step_each(addressed_plant(plant.kernels, handle), handle.state, np.zeros(7), ports, winds, following)
-    return following

@@ -34,7 +34,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.support import Array, jit, jit_called
+from cranectl.support import Array, jit
 
 
 @jit
@@ -190,26 +190,6 @@ def no_warnings(_):
     return 0
 
 
-@jit_called
-def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
-    """Write an RK4 step from each state minus the next state into `defect` (N - 1, >= 10)."""
-    rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)
-    step = rig.step
-    for k in range(len(defect)):
-        state[:] = states[k]
-        for _ in range(rig.substeps):
-            for stage in range(4):
-                reach = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-                for i in range(10):
-                    work[i] = state[i] + (reach * step * rates[stage - 1, i] if stage else 0.0)
-                derivative(rig, work, commands[k], disturbances[k], winds[k], rates[stage])
-            for i in range(10):
-                increment = rates[0, i] + 2.0 * rates[1, i] + 2.0 * rates[2, i] + rates[3, i]
-                state[i] += step / 6.0 * increment
-        for i in range(10):
-            defect[k, i] = state[i] - states[k + 1, i]
-
-
 class AnalyticPlant:
     """The Lagrange model behind the plant interface."""
 
@@ -253,20 +233,6 @@ class AnalyticPlant:
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
         advance(self.handle, command, disturbance, wind, load)
-
-    def write_runge_kutta_defect(
-        self, states: Array, commands: Array, disturbances: Array, *, winds: Array, defect: Array
-    ) -> None:
-        """Write a step of the classical Runge-Kutta scheme from each state, minus the next, into `defect`.
-
-        Parameters
-        ----------
-        states, commands, disturbances, winds : Array
-            States (N, 10), and what acts on them, each with at least N - 1 rows; ideal drives.
-        defect : Array
-            Result (N - 1, 10 or more).
-        """
-        runge_kutta_defect(self.rig, states, commands, disturbances, winds, defect)
 
     def warnings(self) -> int:
         return 0

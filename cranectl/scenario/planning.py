@@ -3,7 +3,7 @@
 The limits of the drives are in `[effects.limits]` or, without that effect, in the rig's numbers for it.
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -12,7 +12,6 @@ from cranectl.scenario.settings import LENGTH, Pair, Point3, RuleError, Settings
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 Ratio = Annotated[float, Field(gt=0.0, le=1e3)]
-FORMER_SOLVERS = ("clarabel", "ipopt")  # values of planning.solver, up to version 0.2
 Jerk = Annotated[float, Field(ge=1e-9, le=1e9)]
 
 
@@ -45,14 +44,6 @@ class PlanningSettings(Settings):
         description="knot spans of what is planned, times 24 for a move, 40 for a path: 2 makes it 1 to 2 % "
         "shorter and takes six times as long",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _drop_solver(cls, table: Any) -> Any:
-        """Ignore the choice of a solver, which scenarios and logs of version 0.2 make."""
-        if isinstance(table, dict) and table.get("solver") in FORMER_SOLVERS:
-            return {name: value for name, value in table.items() if name != "solver"}
-        return table
 
     @model_validator(mode="after")
     def _can_hang(self) -> "PlanningSettings":

@@ -10,7 +10,6 @@ from .idle_settings import RunKind as RunKind
 from .idle_settings import idle_settings as idle_settings
 from .idle_settings import why_idle_on_plant as why_idle_on_plant
 from .loop import Loop as Loop
-from .memory import MAX_BYTES as MAX_BYTES
 from .memory import check_planned as check_planned
 from .memory import check_runs as check_runs
 from .memory import check_several as check_several
@@ -35,13 +34,10 @@ from .runner import make_plant as make_plant
 from .runner import prepare_controller as prepare_controller
 from .runner import simulate_run as simulate_run
 from .runner import tracker_of as tracker_of
-from .signal_path import Encoders as Encoders
 from .signal_path import SetpointLimits as SetpointLimits
 from .signal_path import has_signal_path as has_signal_path
 from .signal_path import limit_command as limit_command
-from .signal_path import limited as limited
 from .signal_path import make_encoders as make_encoders
-from .signal_path import make_limits as make_limits
 from .signal_path import new_signal_path as new_signal_path
 from .signal_path import read_encoder as read_encoder
 from .signal_path import whole_record as whole_record

@@ -166,8 +166,6 @@ def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign)
 
 
 def _why_idle_in_plan(name: str, requested: Scenario) -> str | None:
-    if name == "planning.solver":
-        return "one solver plans all motions"
     segments = requested.reference.segments
     if not any(segment.is_timed_by_limits for segment in segments):
         return "no segment of the reference is planned"

@@ -19,8 +19,6 @@ MESSAGES = [
      "rig.bridge_time_constant changes nothing here: ideal drives have no lag"),
     (f"run fixed-position --plants analytic {SHORT} --set planning.lean=0.3 --set planning.share=0.9",
      "planning.lean, planning.share change nothing here: no segment of the reference is planned"),
-    (f"run fixed-position --plants analytic {SHORT} --set planning.solver='ipopt'",
-     "planning.solver changes nothing here: one solver plans all motions"),
     *((f"{command} --timeout 5", "--timeout changes nothing here: no controller is from a file")
       for command in (
           f"run fixed-position --plants analytic {SHORT}",
@@ -43,8 +41,6 @@ MESSAGES = [
     (f"live fixed-position --plants analytic --port 0 {SHORT} --set planning.lean=0.3 "
      "--set design.hinf.peak=3.0",
      "fixed-position: planning.lean changes nothing here: no segment of the reference is planned"),
-    (f"advise fixed-position {SHORT} --controller lqr --set log.every=2",
-     "log.every changes nothing here: the command does not read it"),
     (f"validate fixed-position --plants analytic --controller lqr --jobs 1 {SHORT} --every 2 --keep none",
      "log.every changes nothing here: the command does not read it"),
     (f"validate fixed-position --plants analytic --controller lqr,pid --jobs 1 {SHORT} "
@@ -61,8 +57,6 @@ MESSAGES = [
      "metrics.settling_tolerance changes nothing here"),
     (f"ladder fixed-position {SHORT} --top continuous --set effects.installation.rope_offset=0.01",
      "effects.installation.rope_offset changes nothing here"),
-    (f"budget fixed-position {SHORT} --top sampled --controller lqr --set effects.delay.seconds=0.01",
-     "effects.delay.seconds changes nothing here"),
 ]  # fmt: skip
 
 

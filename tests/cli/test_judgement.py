@@ -1,16 +1,12 @@
 """All commands judge the agreement of plants with the same limits, for every rig, for runs and for logs."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.compare.agreement import EARLIER_DRIVES, LAGGING_MODEL, AgreementLimits, agreement_limits
-from cranectl.log.writer import write_log
-from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
+from cranectl.compare.agreement import AgreementLimits, agreement_limits
 from tests.cli.arguments import STOP
 from tests.log.viewer import messages_of
 
@@ -41,31 +37,6 @@ def test_an_own_rig_is_judged_with_the_same_limits() -> None:
     ((_, verdict),) = messages_of(Path(LOG), "/diff/verdict")
     assert verdict.verdict == "passed"
     assert verdict.load.endswith(f"limit {limits.load_m:g} m")
-
-
-def test_a_log_of_lags_without_load_is_read_but_not_judged(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """Earlier versions wrote such logs, in which the drives of the analytic plant ignore the load."""
-    scenario = load_scenario("fast-diagonal", overrides=OVERRIDES)
-    analytic, mujoco = (simulate_run(scenario, plant=p, drive="velocity") for p in ("analytic", "mujoco"))
-    write_log(Path("old.mcap"), [replace(analytic, model=LAGGING_MODEL), mujoco])
-    for command in ("compare", "info"):
-        result = judged(command, "old.mcap")
-        assert (result["passed"], result["limits"]) == (None, EARLIER_DRIVES.reason)
-        out = " ".join(capsys.readouterr().out.split())
-        assert "not judged" in out
-        assert "lags that do not feel the load" in out
-
-
-@pytest.mark.parametrize("command", ["run", "validate", "compare", "info", "report"])
-def test_the_removed_option_predict_names_its_replacement(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main([command, "fast-diagonal", "--predict"]) == 2
-    error = capsys.readouterr().err
-    assert "judged by the same limits with every scenario and rig" in " ".join(error.split())
-    assert "leave it out" in error
 
 
 def test_compare_has_the_exit_code_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:

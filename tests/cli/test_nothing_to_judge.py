@@ -84,7 +84,6 @@ NOTHING: dict[str, list[tuple[str, str]]] = {
 }
 # Commands that judge, and always have something to judge.
 ALWAYS = {
-    "advise": "it tries all controllers of the family",
     "certify": "its operating points are never none",
     "info": "it examines one model",
     "ladder": "its levels begin with two",

@@ -34,7 +34,6 @@ NAMES = {
 }
 # What each command needs besides the argument that is odd; quick, or refused for the odd argument first.
 LINES = {
-    "advise": "short.toml",
     "benchmark run": "--controller lqr-integral",
     "benchmark report": "nothing.csv",
     "campaign list": "",

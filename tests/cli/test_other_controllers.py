@@ -56,8 +56,6 @@ def test_all_commands_handle_controllers_outside_the_flat_family(
 @pytest.mark.parametrize(
     "command",
     [
-        "budget fixed-position --controller NAME",
-        "advise fixed-position --controller NAME",
         "design NAME --plot a.svg",
     ],
 )
@@ -67,17 +65,6 @@ def test_commands_that_need_a_linear_design_refuse_the_controller(
 ) -> None:
     assert main(command.replace("NAME", name).split()) == 2
     assert f"'{name}' has no linear design of one axis of the load" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("command", ["advise fixed-position --controller mine.so", "budget mine.toml"])
-def test_a_controller_file_is_refused_without_being_opened(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Neither command has an option --trust: a file has no linear design anyway."""
-    reference = "reference = { start = [1.0, 0.77, -0.7] }"
-    Path("mine.toml").write_text(f'name = "mine"\nduration = 1.0\ncontroller = "mine.so"\n{reference}\n')
-    assert main(command.split()) == 2
-    assert "'mine.so' has no linear design of one axis of the load" in capsys.readouterr().err
 
 
 def test_parameters_come_from_file_and_command_line() -> None:

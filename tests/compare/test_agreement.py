@@ -8,7 +8,6 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.agreement import (
-    EARLIER_DRIVES,
     ENCODER_STEPS,
     SMOOTHED_FRICTION,
     AgreementLimits,
@@ -70,18 +69,6 @@ def test_a_plant_with_drives_that_do_not_feel_the_load_is_not_judged_with_them(
     for agreement in (judge(blind_run, runs[1], limits=unknown), judge(blind_run, runs[1])):
         assert (agreement.passed, agreement.limit_m, agreement.limits) == (None, None, unknown.reason)
     assert judge(*runs).passed
-
-
-def test_logs_of_drives_that_did_not_feel_the_load_are_not_judged() -> None:
-    """The description of the plant in the log tells which drives it had."""
-    scenario = load_scenario("slack-rope")
-    for drive, expected in (("velocity", None), ("ideal", True)):
-        runs = [simulate_run(scenario, plant=plant, drive=drive, controller="lqr") for plant in PAIR]
-        earlier = replace(runs[0], model="cranectl.model.dynamics, fixed-step DOP853")
-        agreement = judge(earlier, runs[1])
-        assert agreement.passed is expected
-        assert (agreement.limits == EARLIER_DRIVES.reason) == (expected is None)
-        assert judge(*runs).passed
 
 
 def test_effects_leave_what_their_schemes_do() -> None:

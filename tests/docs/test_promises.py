@@ -23,10 +23,6 @@ CONDITIONS = {
         "All plants agree to 1e-7 m and rad": "a rigid rope and a point load without friction and encoders, "
         "if the loop is stable and the [steps are short enough]"
     },
-    "docs/explanation/budget.md": {
-        "are within 20 % of the measurement": "On these scenarios",
-        "at most 38 %": "on these scenarios",
-    },
     "docs/explanation/certificate.md": {
         "These are 45 points": "of the default rig with a delay of 10 ms",
         "For a load that hangs at 0.7 m": "without and with each [effect]",

@@ -167,7 +167,7 @@ def assignments(draw: st.DrawFn) -> str:
 BROKEN = st.sampled_from(
     ["no.toml", "notes.txt", "sub", "", "x.mcap", "rig.toml", "\udcff", "./\0", *HOSTILE]
 )
-LONG_COMMANDS = {"live", "validate", "advise", "tune"}  # they get no valid scenario or controller
+LONG_COMMANDS = {"live", "validate", "tune"}  # they get no valid scenario or controller
 OMITTED_COMMANDS = {"thesis"}
 OMITTED_OPTIONS = {"--scheduler", "--cluster", "--help", "--workers"}
 

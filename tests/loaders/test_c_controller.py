@@ -11,7 +11,7 @@ from cranectl.cli.main import main
 from cranectl.controllers.controller import Parameter
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.c_controller import HEADER
-from cranectl.loaders.opening import close_controllers, open_controller
+from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
@@ -37,34 +37,6 @@ def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path
 def test_a_search_that_is_none_is_refused(bounds: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="search of stiffness"):
         open_controller(str(built(tmp_path, tuning=f", {{{bounds}}}")))
-
-
-@pytest.mark.parametrize("version", [1, 2, 3])
-def test_a_library_of_an_older_version_runs_as_ever(version: int, tmp_path: Path) -> None:
-    """Of version 1 parameters end with their bounds; before version 3 a declaration ends with its signals,
-    before version 4 with what it reads.
-    """
-    header = HEADER.read_text(encoding="utf-8").replace("CRANECTL_ABI 4", f"CRANECTL_ABI {version}")
-    cuts = [
-        ("    const char *reads;" if version < 3 else "    double period;     /*", "} cranectl_declaration;")
-    ]
-    cuts += [("    double search[2];", "} cranectl_parameter;")] if version == 1 else []
-    for start, end in cuts:
-        before, _, after = header.partition(start)
-        header = before + end + after.partition(end)[2]
-    old = tmp_path / "old"
-    old.mkdir()
-    (old / HEADER.name).write_text(header)
-    assert f"CRANECTL_ABI {version}" in header
-    runs = []
-    for folder in (old, tmp_path):
-        name = open_controller(str(built(folder)))
-        law = ALL_CONTROLLERS[name]
-        assert (law.parameters, law.reads) == ((STIFFNESS, DAMPING), None)
-        short = load_scenario("fast-diagonal", overrides=["duration=3.2", "disturbances=[]"])
-        runs.append(simulate_run(short, plant="analytic", controller=name))
-        close_controllers()
-    assert np.array_equal(runs[0].table, runs[1].table)
 
 
 @pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])

@@ -80,7 +80,7 @@ def test_references_of_many_long_scenarios_are_refused_before_they_are_computed(
     control = scenario.control.model_copy(update={"period": 1e-3})
     long = scenario.model_copy(update={"duration": 600.0, "control": control})
     many = [long.model_copy(update={"title": str(k)}) for k in range(80)]
-    with pytest.raises(InputError, match=r"the references of 80 different scenarios(.|\n)*at most 8 GiB"):
+    with pytest.raises(InputError, match=r"the references of 80 different scenarios(.|\n)*at most 32 GiB"):
         check_several_plans(many)
     check_several_plans(many[:2])
 

@@ -220,8 +220,6 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, log: bytes) -> Path:
         "ladder s.toml --out l.mcap --report l.mcap",
         "live s.toml --record notes.txt",
         "validate s.toml --json s.toml",
-        "advise s.toml --report s.toml",
-        "budget s.toml --controller lqr --json s.toml",
     ],
 )
 def test_no_command_writes_where_it_must_not(

@@ -13,8 +13,7 @@ from mujoco.batch import Batch
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
-from cranectl.analysis.budget.trajectory_loop import dense_robustifier
-from cranectl.design import design_controller
+from cranectl.design import design_controller, diagonal
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.model import drive_addresses, model_spec, rate_addresses, state_addresses
 from cranectl.simulate import plan_scenario, tracker_of
@@ -43,7 +42,9 @@ class Task:
         self.design = design_controller(controller, self.scenario.design)
         self.tracker = tracker_of(self.scenario, self.design)
         self.lag = make_actuation(self.scenario).lag
-        self.a, self.b, self.c = dense_robustifier(self.tracker)
+        # The sampled robustifier of one axis.
+        self.a = diagonal(self.tracker.state_matrix.reshape(-1, 2, 2))
+        self.b, self.c = self.tracker.input_matrix, self.tracker.output_matrix
         spec = model_spec(self.scenario.rig, drive=DRIVE, step=self.tracker.period)
         self.model = spec.compile()
         spec.delete(spec.tendon("rope"))  # MJX cannot carry it through a loop in double precision

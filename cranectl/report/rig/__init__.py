@@ -1,1 +1,1 @@
-"""The page of a rig: advice, certificate, budget, ladder."""
+"""The page of a ladder, the figure of a certificate, and their tables."""

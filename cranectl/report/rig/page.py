@@ -1,4 +1,4 @@
-"""The pages of a rig: the fidelity ladder alone, or advice, certificate, ladder and error budget."""
+"""The page of the fidelity ladder, and the figure of a certificate."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product
@@ -8,8 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.analysis.advice import Advice
-from cranectl.analysis.budget.error_budget import Budget
 from cranectl.analysis.certificate.certify import Certificate, NominalLoop
 from cranectl.analysis.certificate.loop import InnerLoop
 from cranectl.analysis.certificate.nu_gap import complement, distance, orthonormal, smallest_sine
@@ -28,36 +26,12 @@ EDGE = "At the left edge: 1 µm or less."
 MIN_FREQUENCY = 1e-2  # [rad/s] of the frequencies in figures
 STYLES = ("-", "--", ":", "-.")
 MARKS = {"gap": "o", "by frequency": "s", "refused": "x"}
-FROZEN = (
-    "A nu-gap below the margin guarantees that the linear loop frozen at that point is stable. It says "
-    "nothing about the motion from point to point. Refused does not mean unstable."
-)
 
 
 def ladder_page(scenario: Scenario, controller: str, results: Sequence[LevelResult], remade_by: str) -> Page:
     """Return the page on the cost of each effect with one controller, alone and on top of the others."""
     title = f"{scenario.name}, {controller}: the fidelity ladder"
     return Page(title, scenario.title, _ladder_sections(results), remade_by)
-
-
-def rig_page(
-    advice: Advice, loops: Loops, results: Sequence[LevelResult], budget: Budget, remade_by: str
-) -> Page:
-    """Return the page of a rig for which there is a recommendation; `loops` are its controller's."""
-    best = advice.best
-    assert best is not None
-    compared = (tables.controllers_table(advice), tables.improvements_table(advice))
-    title = f"certificate of {best.controller}"
-    drawn = Figure.drawn(title, "", certificate_figure, best.certificate, loops, STAND_IN, alone=True)
-    certificates = tables.certificates_table(advice.assessments)
-    sections = (
-        Section("advice", "Which controller", tables.recommendation(advice), compared),
-        Section("certificate", "Certificate", (FROZEN,), (certificates,), (drawn,)),
-        *_ladder_sections(results),
-        Section("budget", "Error budget", (), (tables.budget_table(budget),), (_budget_figure(budget),)),
-    )
-    title = f"{advice.scenario.name}: the rig and its controllers"
-    return Page(title, advice.scenario.title, sections, remade_by)
 
 
 def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
@@ -80,27 +54,12 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
     )
 
 
-def _budget_figure(budget: Budget) -> Figure:
-    entries = budget.entries
-    estimated, measured = [entry.estimate.max for entry in entries], [entry.measured.max for entry in entries]
-    pair = {"estimated": estimated, "measured": measured}
-    names, bounds = [entry.level for entry in entries], [entry.bound for entry in entries]
-    rough = [entry.level for entry in entries if entry.rough]
-    sentence = f"Estimates without a bound, which may be far off: {', '.join(rough)}. " if rough else ""
-    return Figure.drawn("predicted, measured, bounded", sentence + EDGE, deviation_dots, names, pair, bounds)
-
-
-def deviation_dots(
-    names: Sequence[str], pair: Mapping[str, Sequence[float]], bounds: Sequence[float] = ()
-) -> Drawing:
-    """Draw two dots for each name, by label of their values [m], and a mark for a finite bound."""
+def deviation_dots(names: Sequence[str], pair: Mapping[str, Sequence[float]]) -> Drawing:
+    """Draw two dots for each name, by label of their values [m]."""
     (drawing, axes), rows = canvas(WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
     for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
         style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}
         axes.plot(1e3 * np.maximum(values, MIN_DEVIATION), rows + offset, marker, label=label, **style)
-    bounded = [(1e3 * bound, k) for k, bound in enumerate(bounds) if 0.0 < bound < np.inf]
-    if bounded:
-        axes.plot(*zip(*bounded, strict=True), "|", color=STAND_IN["limit"], markersize=14, label="bound")
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlim=(1e3 * MIN_DEVIATION, None), xlabel="largest deviation of the load [mm]")
@@ -128,13 +87,13 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
     return drawing
 
 
-def certificate_figure(certificate: Certificate, loops: Loops, colours: Mapping[str, str] = LIGHT) -> Drawing:
-    """Draw the map on the left, the worst point with its `loops` on the right; `colours` by role."""
+def certificate_figure(certificate: Certificate, loops: Loops) -> Drawing:
+    """Draw the map on the left, the worst point with its `loops` on the right."""
     figure, (left, right) = canvas(10.0, 4.4, 1, 2)
     delay = f"delay {1e3 * certificate.delay:g} ms"
     figure.suptitle(f"{certificate.controller}, {certificate.drive} drives, {delay}")
-    _draw_map(left, certificate, colours)
-    _draw_frequency(right, loops, colours)
+    _draw_map(left, certificate)
+    _draw_frequency(right, loops)
     right.set_title(f"worst: {certificate.worst.point}", fontsize=9)
     for axes in (left, right):
         axes.set_ylim(0.0, 1.02)
@@ -143,29 +102,29 @@ def certificate_figure(certificate: Certificate, loops: Loops, colours: Mapping[
     return figure
 
 
-def _draw_map(axes: Axes, certificate: Certificate, colours: Mapping[str, str]) -> None:
+def _draw_map(axes: Axes, certificate: Certificate) -> None:
     tilts = enumerate(dict.fromkeys(verdict.point.tilt for verdict in certificate.points))
     speeds = [*enumerate(dict.fromkeys(verdict.point.hoisting_speed for verdict in certificate.points))]
     for (i, tilt), (j, speed) in product(tilts, speeds):
         line = [v for v in certificate.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
         lengths, gaps = [v.point.rope_length for v in line], [v.gap for v in line]
-        colour = colours[SERIES[i % len(SERIES)]]
+        colour = LIGHT[SERIES[i % len(SERIES)]]
         label = f"{tilt[0]:g}, {tilt[1]:g} rad/s²; {speed:+g} m/s"
         axes.plot(lengths, gaps, STYLES[j % len(STYLES)], color=colour, linewidth=1.0, label=label)
         for length, gap, verdict in zip(lengths, gaps, line, strict=True):
             axes.plot(length, gap, MARKS[verdict.grade], color=colour, markersize=4)
     margins = {verdict.point.rope_length: verdict.margin for verdict in certificate.points}
     label = f"margin b = {certificate.margin:.3f}"
-    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=colours["limit"], label=label)
+    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=LIGHT["limit"], label=label)
     axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
 
 
-def _draw_frequency(axes: Axes, loops: Loops, colours: Mapping[str, str]) -> None:
+def _draw_frequency(axes: Axes, loops: Loops) -> None:
     nominal, worst = loops
     omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal.period, 600)
     z = np.exp(1j * omega * nominal.period)
     run, model = orthonormal(nominal.opening.graph(worst).response(z)), orthonormal(nominal.graph.response(z))
-    axes.semilogx(omega, distance(run, model), color=colours[SERIES[0]], label="distance to the design model")
+    axes.semilogx(omega, distance(run, model), color=LIGHT[SERIES[0]], label="distance to the design model")
     margin = smallest_sine(complement(nominal.opening.controller(z)), model)
-    axes.semilogx(omega, margin, color=colours["limit"], label="margin of the loop")
+    axes.semilogx(omega, margin, color=LIGHT["limit"], label="margin of the loop")
     axes.set(xlabel="angular frequency [rad/s]", ylabel="sine of the angle")

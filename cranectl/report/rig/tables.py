@@ -1,11 +1,9 @@
-"""Tables and sentences about a rig, for the terminal and for pages: advice, certificate, ladder, budget."""
+"""Tables and sentences about a rig, for the terminal and for pages: certificate, ladder."""
 
 import math
 from collections.abc import Sequence
 
-from cranectl.analysis.advice import Advice, Assessment
-from cranectl.analysis.budget.error_budget import Budget
-from cranectl.analysis.certificate.certify import REQUIRED_MARGIN, Certificate, Grade, PointVerdict
+from cranectl.analysis.certificate.certify import Certificate, Grade, PointVerdict
 from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
@@ -13,14 +11,8 @@ from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
 from cranectl.support import at_least, at_most, plain
 
-MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 _MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable
 GRADES: dict[Grade, str] = {"gap": " ", "by frequency": "f", "refused": "r"}
-CERTIFIED = {
-    "gap": "certified by the nu-gap",
-    "frequency": "certified frequency by frequency",
-    "refused": "not certified",
-}
 MISSING = "–"
 
 
@@ -38,59 +30,6 @@ def _sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
 def _three(what: str) -> tuple[str, ...]:
     """Return the headings over `_sizes`."""
     return tuple(f"{what}\n{name}" for name in ("RMS", "max", "final"))
-
-
-def controllers_table(advice: Advice) -> Table:
-    """Return a table with one row for each controller."""
-    headings = ("controller", "grade", "certified\nby", "least\nmargin", "error RMS\n[mm]", "error max\n[mm]",
-                "cost RMS\n[mm]", "cost max\n[mm]")  # fmt: skip
-    rows = []
-    for row in advice.assessments:
-        grade = Cell(row.grade if row.survived else row.status.label, MARKS[row.grade])
-        by, numbers = row.judged_by if row.guaranteed else MISSING, [MISSING] * 4
-        if row.metrics is not None and row.cost is not None:
-            lengths = (row.metrics.rms_error_m, row.metrics.max_error_m, row.cost.rms, row.cost.max)
-            numbers = [_millimetres(length) for length in lengths]
-        rows.append(cells(row.controller, grade, by, f"{row.least_margin:+.4f}", *numbers))
-    note = (
-        f"Guaranteed: at every operating point a margin above {REQUIRED_MARGIN:g} remains, by the nu-gap "
-        "alone or, a weaker condition, frequency by frequency. The linear loop frozen there is then stable. "
-        "Survived: not certified, but the run completed. Cost: distance of the load from its place in the "
-        "continuous-time ideal of the same controller."
-    )
-    title = f"{advice.scenario.name}: controllers, the best first"
-    return Table(title, headings, tuple(rows), labels=3, note=note)
-
-
-def improvements_table(advice: Advice) -> Table:
-    """Return a table with one row for each change of the rig; the advice must recommend a controller."""
-    assert advice.best is not None
-    headings = ("improve", "change", "cost RMS\n[mm]", "saved", "least\nmargin", "grade")
-    rows = []
-    for row in advice.improvements:
-        then = row.assessment
-        cost = _millimetres(then.cost.rms) if then.cost else MISSING
-        saved = f"{100 * row.gain:+z.0f} %" if then.survived else MISSING
-        grade = Cell(then.grade, MARKS[then.grade])
-        rows.append(cells(row.name, row.change, cost, saved, f"{then.least_margin:+.4f}", grade))
-    title = f"What would help {advice.best.controller}, each alone"
-    return Table(title, headings, tuple(rows), labels=2)
-
-
-def recommendation(advice: Advice) -> tuple[str, ...]:
-    """Return a sentence on which controller to take, and one on what to improve first."""
-    best = advice.best
-    if best is None:
-        return ("No controller survives: improve drives, delay or sensors, or ask for less.",)
-    how = CERTIFIED[best.judged_by]
-    least = f"least margin {best.least_margin:+.4f}, above {REQUIRED_MARGIN:g} is required"
-    worst = f"worst with the {best.certificate.worst.point}"
-    words = [f"Take {best.controller}: {best.grade}, {how} ({least}); {worst}."]
-    for first in advice.improvements[:1]:
-        share = f"{100 * first.gain:.0f} % of the cost"
-        words += [f"Improve first: {first.name}, {first.change}; takes {share}."] * (first.gain > 0.0)
-    points = f"{len(advice.points)} points"
-    return (*words, f"{points}. This holds for linear loops frozen there, not for the motion.")
 
 
 def map_table(certificate: Certificate) -> Table:
@@ -153,22 +92,6 @@ def limit_table(limits: Sequence[LargestValues]) -> Table:
     return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
 
 
-def certificates_table(assessments: Sequence[Assessment]) -> Table:
-    """Return a table of the certificates of several controllers."""
-    rows = []
-    for row in assessments:
-        certificate, worst = row.certificate, row.certificate.worst
-        grades = [point.grade for point in certificate.points]
-        gap, frequency, refused = (str(grades.count(grade)) for grade in GRADES)
-        counts = (gap, frequency, Cell(refused, "open" if "refused" in grades else ""))
-        numbers = (f"{certificate.margin:.3f}", f"{worst.gap:.3f}", *counts)
-        unstable = str(sum(not point.stable for point in certificate.points))
-        rows.append(cells(row.controller, certificate.opening.name, str(worst.point), *numbers, unstable))
-    headings = ("controller", "opened at", "worst point", "margin b", "largest gap", "by the gap",
-                "by frequency", "refused", "unstable")  # fmt: skip
-    return Table("Certificates at the points that the scenario visits", headings, tuple(rows), labels=3)
-
-
 def ladder_table(results: Sequence[LevelResult]) -> Table:
     """Return a table with one row for each level."""
     run = results[0].run
@@ -210,29 +133,3 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
         numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
-
-
-def budget_table(budget: Budget) -> Table:
-    """Return a row for each level, then the sum and the unexplained rest; remarks are in the note."""
-    headings = ("level", *_three("estimate"), *_three("measured"), "ratio\nof RMS", "bound\nof max",
-                "over\nmeasured")  # fmt: skip
-    entries, rows = budget.entries, []
-    for entry in entries:
-        estimate = _sizes(entry.estimate, 2)
-        if entry.rough:
-            estimate = tuple(Cell(f"~{cell.text}", "open") for cell in estimate)
-        ratios = (entry.ratio, entry.looseness)
-        ratio, looseness = (f"{ratio:.2f}" if math.isfinite(ratio) else MISSING for ratio in ratios)
-        bound = Cell(_millimetres(entry.bound, 2), "" if entry.holds else "bad")
-        rows.append(cells(entry.level, *estimate, *_sizes(entry.measured, 2), ratio, bound, looseness))
-    for name, size in (("all", budget.total), ("unexplained", budget.rest)):
-        rows.append(cells(name, *[""] * 3, *_sizes(size, 2), *[""] * 3))
-    title = f"Error budget of {budget.scenario}, {budget.controller}: deviations of the load [mm]"
-    remarks = [f"{entry.level}: {entry.remark}." for entry in entries if entry.remark]
-    if any(entry.rough for entry in entries):
-        remarks.append(
-            "~ marks estimates without a bound. They may be far off, and so may the unexplained rest."
-        )
-    stopped = (entry for entry in entries if entry.status != "completed")
-    remarks += [f"{entry.level}: ended with {entry.status}." for entry in stopped]
-    return Table(title, headings, tuple(rows), note="\n".join(remarks))
