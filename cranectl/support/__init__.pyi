@@ -113,7 +113,6 @@ from .provenance import provenance as provenance
 from .provenance import provenance_differences as provenance_differences
 from .provenance import source_digests as source_digests
 from .provenance import syntax_of as syntax_of
-from .renamed import renamed_arguments as renamed_arguments
 from .resources import Shipped as Shipped
 from .resources import is_path as is_path
 from .search_path import MARK as MARK
