@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.support import FINGERPRINTS, interrupts_wait, open_input, replacing
+from cranectl.support import FINGERPRINTS, Interruption, open_input, replacing
 
 Value = int | float | str | None
 Row = dict[str, Value]
@@ -131,7 +131,7 @@ def write_part(
     schema = _part_schema(campaign, origin, batch)
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
     # An open file instead of its path, because Arrow takes UTF-8 paths only.
-    with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
+    with Interruption.delayed(), replacing(path) as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(
             table,
             stream,

@@ -17,16 +17,7 @@ from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.plants import PLANTS, PlantEntry
-from cranectl.support import (
-    TRIES,
-    Child,
-    ChildError,
-    interrupts_blocked,
-    interrupts_wait,
-    requests,
-    safe_path,
-    spawn_child,
-)
+from cranectl.support import TRIES, Child, ChildError, Interruption, SafePath, requests, spawn_child
 
 # Loaded once before workers are forked, which saves each worker two seconds of imports.
 PRELOADED_MODULES = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
@@ -100,7 +91,7 @@ def _run_in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Case
     indices: dict[Future[Result], int] = {}
     with ThreadPoolExecutor(jobs) as pool:
         try:
-            with interrupts_wait():  # else some cases would never be submitted
+            with Interruption.delayed():  # else some cases would never be submitted
                 indices |= {pool.submit(run, case): k for k, case in enumerate(cases)}
             collect()
         except KeyboardInterrupt:
@@ -157,11 +148,11 @@ def _worker_context() -> BaseContext:
     context.set_forkserver_preload([*PRELOADED_MODULES, *_plant_modules()])
     # Signals go to the whole process group, also while the server loads; only the parent may react to them.
     for helper in (resource_tracker, forkserver):
-        with safe_path(), interrupts_blocked():  # once per helper, since the tracker unblocks some signals
+        with SafePath(), Interruption.blocked():  # once per helper, since the tracker unblocks some signals
             helper.ensure_running()
     # The server answers once it has loaded everything; an interrupt may end this wait.
     warm_up = context.Process(target=os.getpid)
-    with safe_path():
+    with SafePath():
         warm_up.start()
     warm_up.join()
     return context

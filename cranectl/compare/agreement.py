@@ -18,7 +18,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import Shipped, check_ascending, checks_arguments, read_toml
+from cranectl.support import InconsistentError, Shipped, checks_arguments, read_toml
 
 LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
@@ -154,8 +154,12 @@ class Agreement:
         """Raise InconsistentError for plants that pass although they exceed a limit."""
         if self.passed:
             load, angle = self.max_load_error_m, self.max_angle_error_rad
-            check_ascending(("the difference of a load that passed", load), ("its limit", self.limit_m))
-            check_ascending(("the difference of an angle that passed", angle), ("its limit", self.limit_rad))
+            InconsistentError.check_ascending(
+                ("the difference of a load that passed", load), ("its limit", self.limit_m)
+            )
+            InconsistentError.check_ascending(
+                ("the difference of an angle that passed", angle), ("its limit", self.limit_rad)
+            )
 
     @property
     def excess(self) -> float:

@@ -23,11 +23,10 @@ from cranectl.support import (
     STEP,
     UNCOMPILED,
     Array,
+    ForeignCode,
     InputError,
     address_of,
-    environment_kept,
     jit,
-    keeping_environment,
     why_not_compiled,
 )
 
@@ -64,9 +63,9 @@ class CompiledController(NamedTuple):
         if self.address:
             return self
         entry, sizes = OPEN.entries[self.entry]
-        with environment_kept():
+        with ForeignCode.environment_kept():
             address = entry(sizes, self.parameters)
-        return self._replace(address=keeping_environment(address))
+        return self._replace(address=ForeignCode.keeping_environment(address))
 
     def with_own_memory(self) -> "CompiledController":
         """Return the controller with new work arrays; one from outside also gets copies of its constants."""
@@ -121,7 +120,7 @@ def _compiled(controller: Controller) -> int:
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
             remedy=f"correct {where}",
         ) from error
-    return address if controller.origin is None else keeping_environment(address)
+    return address if controller.origin is None else ForeignCode.keeping_environment(address)
 
 
 def _memories() -> dict[str, Any]:

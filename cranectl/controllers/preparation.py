@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal
 from cranectl.scenario import nanoseconds
-from cranectl.support import Array, InputError, contained, describe_error, reported_when_slow, shown
+from cranectl.support import Array, ForeignCode, InputError, describe_error, shown
 
 LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearController"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"
@@ -86,7 +86,7 @@ def _run_own_code(
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*arguments)
     try:
-        with contained(), reported_when_slow(f"{name} of {controller.name} has been running"):
+        with ForeignCode.contained(f"{name} of {controller.name} has been running"):
             return function(*arguments)
     except (InputError, KeyboardInterrupt):
         raise

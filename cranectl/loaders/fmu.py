@@ -25,7 +25,7 @@ from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import ControllerFile, directory_of, slug
-from cranectl.support import Array, InputError, address_of, environment_kept
+from cranectl.support import Array, ForeignCode, InputError, address_of
 
 MAX_UNPACKED_BYTES = 2**30  # unpacked
 _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
@@ -153,7 +153,7 @@ class Fmu:
 
     def _free(self, instance: int) -> None:
         if instance not in self._lost:
-            with environment_kept():
+            with ForeignCode.environment_kept():
                 self._functions["FreeInstance"](instance)
 
 

@@ -33,12 +33,12 @@ from cranectl.signals import Signal
 from cranectl.support import (
     Array,
     InputError,
+    SafePath,
     Timeout,
     check_name,
     in_background,
     parse_toml,
     starting,
-    users_environment,
 )
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
@@ -258,7 +258,7 @@ class _Program:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            env=users_environment(),
+            env=SafePath.users_environment(),
         )
         self.process = self._process.pid
         assert self._process.stdin is not None

@@ -33,12 +33,11 @@ from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
 from cranectl.support import (
     Array,
+    ForeignCode,
     InputError,
     address_of,
-    contained,
     describe_error,
     is_whole,
-    reported_when_slow,
     shown,
     why_not_compiled,
 )
@@ -86,7 +85,7 @@ def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
     try:
-        with contained(), imports.running(), reported_when_slow(f"{file.reference} has been loading"):
+        with ForeignCode.contained(f"{file.reference} has been loading"), imports.running():
             exec(compile(file.content, str(path), "exec"), module.__dict__)
         return module, file.with_companions(imports.folder, imports.files_read(path))
     except (InputError, KeyboardInterrupt):  # about a wrong declaration
@@ -191,7 +190,7 @@ def _memory(owner: Any, start: Any) -> Array:
 def _callable(controller: Controller, file: ControllerFile) -> Controller:
     """Return the controller; if Numba cannot compile its step, warn and let Python run it."""
     try:
-        with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
+        with ForeignCode.reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
             address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
         said, where = why_not_compiled(controller.step, error)

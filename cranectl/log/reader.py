@@ -27,7 +27,7 @@ from cranectl.mcap_columns import (
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, LogError, check_sum, checks_arguments, nearest_first
+from cranectl.support import Array, InconsistentError, InputError, LogError, checks_arguments, nearest_first
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
@@ -314,7 +314,9 @@ class LogDescription:
 
     def __post_init__(self) -> None:
         """Raise InconsistentError if the messages of the topics do not add up."""
-        check_sum("the number of messages", self.messages, [topic.messages for topic in self.topics])
+        InconsistentError.check_sum(
+            "the number of messages", self.messages, [topic.messages for topic in self.topics]
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the description as plain data."""

@@ -28,10 +28,10 @@ from cranectl.simulate import Run
 from cranectl.support import (
     FileKind,
     InputError,
+    Interruption,
     LogError,
     check_whole,
     checks_arguments,
-    interrupts_wait,
     replacing,
 )
 
@@ -114,7 +114,7 @@ def write_container(
     context = foxglove.Context()
     part = None
     try:
-        with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
+        with Interruption.delayed(), replacing(path, keep_after=FAILURES) as part:
             with KeptError(part) as target, open_file(target, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)

@@ -33,8 +33,8 @@ from cranectl.support.errors import (
     report_to_parent,
     was_killed,
 )
-from cranectl.support.interrupts import SIGNALS, in_background
-from cranectl.support.search_path import forget_safe_path, safe_path
+from cranectl.support.interrupts import Interruption, in_background
+from cranectl.support.search_path import SafePath
 
 MAX_WAIT = 3600.0  # [s] the longest single wait
 ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
@@ -179,7 +179,7 @@ def spawn_child(
     context = context or multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(work, there, *inputs), daemon=daemon)  # type: ignore[attr-defined]
-    with safe_path():
+    with SafePath():
         process.start()
     there.close()
     return Child(process.pid, here, process)
@@ -189,7 +189,7 @@ def _serve(work: Callable[..., None], connection: Connection, *inputs: Any) -> N
     """Run `work` in a process that was started by `multiprocessing`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    forget_safe_path()  # so that it starts scripts as its parent would
+    SafePath.forget()  # so that it starts scripts as its parent would
     _follow_parent(lambda: wait([parent.sentinel]))
     work(connection, *inputs)
 
@@ -198,7 +198,7 @@ def _follow_parent(wait_for_end: Callable[[], object]) -> None:
     """Ignore signals, lead a process group, and end when `wait_for_end` returns."""
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
-    for number in SIGNALS:
+    for number in Interruption.SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
     def end() -> None:

@@ -28,7 +28,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import limits_of
 from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
-from cranectl.support import FINGERPRINT_DIGITS, InputError, is_path, leaves, syntax_of
+from cranectl.support import FINGERPRINT_DIGITS, InputError, Shipped, leaves, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
@@ -202,7 +202,7 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
     Raises InputError if the file does not exist.
     """
     file = benchmark.scenarios[scenario].file
-    if not is_path(file):
+    if not Shipped.is_path(file):
         return file
     path = benchmark.file.parent / file
     if not path.is_file():
