@@ -18,7 +18,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Invocation
 from cranectl.cli.streams import steady_streams
-from cranectl.support import CranectlError, InputError, Interruption, MachineError, describe_error, printable
+from cranectl.support import CranectlError, InputError, Interruption, MachineError, printable
 
 WRONG_NAMES = (
     errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.ELOOP, errno.EINVAL,
@@ -138,11 +138,11 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
             print(f"cranectl: bad input\n{named}", file=sys.stderr)
             return exit_codes.BAD_INPUT
         if MachineError.is_cause_of(error):
-            print(f"cranectl: bad input\n{MachineError.of(describe_error(error))}", file=sys.stderr)
+            print(f"cranectl: bad input\n{MachineError.of(InputError.describe(error))}", file=sys.stderr)
             return exit_codes.BAD_INPUT
         if full_traceback:
             traceback.print_exc()
-        what = printable(describe_error(error))
+        what = printable(InputError.describe(error))
         print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
         return exit_codes.UNFORESEEN
     return code if isinstance(code, int) else exit_codes.GOOD

@@ -3,21 +3,14 @@
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
-from cranectl.support import (
-    FINGERPRINT_DIGITS,
-    Extensions,
-    InputError,
-    check_free,
-    checked,
-    loaded,
-    source_digests,
-)
+from cranectl.support import FINGERPRINT_DIGITS, Extensions, InputError, checked, source_digests
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller
@@ -64,7 +57,7 @@ class Controllers(Mapping[str, "Controller"]):
             return FLAT_CONTROLLERS[name]
         if name not in WHERE:
             return {**_added(), **OPEN.registered}[name]
-        controller: Controller = loaded(WHERE[name])
+        controller: Controller = resolve_name(WHERE[name])
         return controller
 
     def checked(self, name: str) -> str:
@@ -178,7 +171,7 @@ def register_controller(controller: "Controller") -> None:
     checked("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
-    check_free("controller", controller.name, ALL_CONTROLLERS)
+    InputError.check_name("controller", controller.name, taken=ALL_CONTROLLERS)
     OPEN.registered[controller.name] = controller
 
 

@@ -12,6 +12,7 @@ import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,16 +32,7 @@ from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
-from cranectl.support import (
-    Array,
-    ForeignCode,
-    InputError,
-    address_of,
-    describe_error,
-    is_whole,
-    shown,
-    why_not_compiled,
-)
+from cranectl.support import Array, ForeignCode, InputError, address_of, why_not_compiled
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
@@ -92,7 +84,7 @@ def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
         raise
     except BaseException as error:
         raise InputError(
-            f"{_where(error, path)}: {describe_error(error)}".replace(f"{imports.package}.", ""),
+            f"{_where(error, path)}: {InputError.describe(error)}".replace(f"{imports.package}.", ""),
             allowed="a file that Python can run",
             remedy="correct it",
         ) from error
@@ -162,7 +154,7 @@ def _number(owner: Any, key: Any, value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(
-            f"{owner}.parameters: {key} = {shown(value)}",
+            f"{owner}.parameters: {key} = {InputError.shown(value)}",
             allowed="a number",
             remedy="give the number that it has by default",
         ) from None
@@ -172,15 +164,15 @@ def _memory(owner: Any, start: Any) -> Array:
     """Return the memory at the start of a run; raise InputError if `start` does not describe one."""
     if isinstance(start, Slots):
         return start.array()
-    if is_whole(start, 0, MAX_MEMORY):
-        return np.zeros(start)
+    if isinstance(start, Integral) and not isinstance(start, bool) and 0 <= int(start) <= MAX_MEMORY:
+        return np.zeros(int(start))
     try:
         memory = real_numbers(start)
         if np.ndim(start) == 0:
             raise TypeError
     except (TypeError, ValueError, MemoryError):
         raise InputError(
-            f"{owner}.memory = {shown(start)}",
+            f"{owner}.memory = {InputError.shown(start)}",
             allowed=f"how many numbers it has, 0 to {MAX_MEMORY}, or a list of those that it starts with",
             remedy="give one of the two",
         ) from None

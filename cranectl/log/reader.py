@@ -27,7 +27,7 @@ from cranectl.mcap_columns import (
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Array, InconsistentError, InputError, LogError, checks_arguments, nearest_first
+from cranectl.support import Array, InconsistentError, InputError, LogError, checks_arguments
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
@@ -110,7 +110,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
-            raise InputError.unknown("signal", name, nearest_first(name, names)[:SHOWN_NEAR_SIGNALS])
+            raise InputError.unknown("signal", name, InputError.nearest(name, names, SHOWN_NEAR_SIGNALS))
         column = columns[_channels_of(contents, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)

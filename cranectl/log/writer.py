@@ -25,15 +25,7 @@ from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
-from cranectl.support import (
-    FileKind,
-    InputError,
-    Interruption,
-    LogError,
-    check_whole,
-    checks_arguments,
-    replacing,
-)
+from cranectl.support import FileKind, InputError, Interruption, LogError, checks_arguments, replacing
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario
@@ -81,7 +73,9 @@ def write_log(
         raise InputError("no run to write", allowed="one or more runs", remedy="simulate a run first")
     if every is None:
         every = runs[0].scenario.log.every
-    check_whole("every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged")
+    InputError.check_whole(
+        "every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged"
+    )
     check_writable(path, at_once=True)
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path

@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from pkgutil import resolve_name
 from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
@@ -19,10 +20,7 @@ from cranectl.support import (
     Extensions,
     InputError,
     check_fields,
-    check_free,
-    check_name,
     checks_arguments,
-    loaded,
     source_digests,
 )
 
@@ -100,7 +98,7 @@ class PlantEntry:
     digest: str = ""
 
     def __post_init__(self) -> None:
-        check_name("plant", self.name)
+        InputError.check_name("plant", self.name)
         check_fields(self)
         if not 0 < len(self.label) <= MAX_PLANT_LABEL or not self.label.isprintable():
             raise InputError(
@@ -205,7 +203,7 @@ class PlantEntry:
     def load(self) -> Callable[..., Plant]:
         """Return the class of the plant, imported now; raise InputError as `check_installed` does."""
         self.check_installed()
-        plant: type[Plant] = loaded(self.where)
+        plant: type[Plant] = resolve_name(self.where)
         return functools.partial(plant, **self.arguments) if self.arguments else plant
 
 
@@ -364,7 +362,7 @@ def register_plant(entry: PlantEntry) -> None:
     InputError
         If its name is taken.
     """
-    check_free("plant", entry.name, PLANTS)
+    InputError.check_name("plant", entry.name, taken=PLANTS)
     PLANTS[entry.name] = entry
 
 

@@ -39,7 +39,6 @@ from cranectl.support import (
     jit_loop,
     packed,
     pointer_after,
-    shown,
     type_of,
     unpacker,
 )
@@ -232,7 +231,7 @@ class OpenRuns(SteppedMemory):
             or not set(chosen) <= set(range(count))
         ):
             raise InputError(
-                f"cranes = {shown(cranes)}",
+                f"cranes = {InputError.shown(cranes)}",
                 allowed=f"different numbers from 0 to {count - 1}, or {count} times True or False",
                 remedy="name the cranes that begin again",
             )

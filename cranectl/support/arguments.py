@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from cranectl.support.errors import InputError, shown
+from cranectl.support.errors import InputError
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -76,7 +76,7 @@ def checked(name: str, value: Any, hint: Any) -> Any:
         if _is_of(value, of):
             return value
     raise InputError(
-        f"{name} = {shown(value)}",
+        f"{name} = {InputError.shown(value)}",
         allowed=" or ".join(dict.fromkeys(map(_in_words, kinds))),
         remedy=f"give {name} such a value",
     )
@@ -87,21 +87,6 @@ def check_fields(declared: Any) -> None:
     hints = typing.get_type_hints(type(declared))
     for field in dataclasses.fields(declared):
         checked(f"{type(declared).__name__}.{field.name}", getattr(declared, field.name), hints[field.name])
-
-
-def is_whole(value: Any, lowest: int, highest: int) -> bool:
-    """Return True if `value` is a whole number in the range, of Python or NumPy, but not a bool."""
-    return isinstance(value, Integral) and not isinstance(value, bool) and lowest <= int(value) <= highest
-
-
-def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
-    """Raise InputError unless `value` is a whole number in the range."""
-    if not is_whole(value, lowest, highest):
-        raise InputError(
-            f"{what} = {shown(value)}",
-            allowed=f"a whole number from {lowest} to {highest}",
-            remedy=f"give {meaning}",
-        )
 
 
 def _is_of(value: Any, kind: Any) -> bool:

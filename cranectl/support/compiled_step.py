@@ -20,7 +20,8 @@ from numba.core.registry import cpu_target
 from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
 
 from cranectl.support.compilers import PausingCompiler
-from cranectl.support.errors import MAX_PHRASE, describe_error, printable, report_machine_failure
+from cranectl.support.errors import MAX_PHRASE, InputError, printable
+from cranectl.support.parent import Parent
 
 FAILED = -1  # status of a step that raised an exception
 _POINTER: Any = CPointer  # Numba has no types
@@ -178,10 +179,10 @@ def report_failure(name: str, error: BaseException, raised: TracebackType | None
     where = f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
     if isinstance(error, OSError):  # its line is one of ours, such as the one that reads a socket
         where = ""
-    text = printable(f"{name} failed{where}: {describe_error(error)}", longest=MAX_PHRASE)
+    text = printable(f"{name} failed{where}: {InputError.describe(error)}", longest=MAX_PHRASE)
     with suppress(OSError):  # the step may have closed it
         os.write(2, f"cranectl: {text}\n".encode())
-    report_machine_failure(error)
+    Parent.report_machine_failure(error)
 
 
 def report_compiled_failure(

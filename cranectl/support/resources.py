@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from cranectl.support.errors import InputError, did_you_mean
+from cranectl.support.errors import InputError
 from cranectl.support.files import exists
 
 _PACKAGE = Path(__file__).parents[1]
@@ -59,7 +59,8 @@ class Shipped:
             if self.is_path(name_or_path)
             else f"unknown {self.kind} '{name_or_path}', which is no file or directory either",
             allowed=f"the path of a TOML file, or by name {', '.join(names)}",
-            remedy=did_you_mean(path.name, [*names, *beside]) or "choose one of these, or correct the path",
+            remedy=InputError.did_you_mean(path.name, [*names, *beside])
+            or "choose one of these, or correct the path",
         )
 
     @staticmethod
