@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.support import FINGERPRINTS, Interruption, open_input, replacing
+from cranectl.support import Interruption, Provenance, open_input, replacing
 
 Value = int | float | str | None
 Row = dict[str, Value]
@@ -181,7 +181,7 @@ def read_part(
 
 def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> Any:
     """Return the schema of a part, with metadata that identify it."""
-    software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
+    software = {name: origin.versions[name] for name in Provenance.FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
     schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
     return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})

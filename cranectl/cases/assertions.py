@@ -32,14 +32,7 @@ from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import (
-    InputError,
-    checks_arguments,
-    exact_seconds,
-    provenance,
-    provenance_differences,
-    quantity,
-)
+from cranectl.support import InputError, Provenance, checks_arguments, exact_seconds, quantity
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
@@ -224,7 +217,7 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         settings = first_differences(differing_fields(old, new))
         differing = [f"golden and new differ in {setting}" for setting in settings]
     if faults:
-        versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
+        versions = Provenance.differences(describe_log(golden_log).versions, Provenance.now(), word="new")
         software = [f"golden was made by other software: {version}" for version in versions]
         where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
         _raise_for([*differing, *faults], [*software, where])
@@ -301,7 +294,7 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
 
 def software_differences(log: Path, other: Path) -> list[str]:
     """Return differences of software that may explain different numbers in two logs."""
-    return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
+    return Provenance.differences(describe_log(log).versions, describe_log(other).versions, word="other")
 
 
 def nothing_shared() -> InputError:

@@ -10,7 +10,7 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
-from cranectl.support import FINGERPRINT_DIGITS, Extensions, InputError, checked, source_digests
+from cranectl.support import Extensions, InputError, Provenance, checked
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller
@@ -132,7 +132,7 @@ class Controllers(Mapping[str, "Controller"]):
     def digests(self, names: Iterable[str]) -> dict[str, str]:
         """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
         return {
-            f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
+            f"law {controller.name}": controller.code[: Provenance.DIGITS]
             for controller in _registered(names)
             if controller.code
         }
@@ -141,7 +141,7 @@ class Controllers(Mapping[str, "Controller"]):
         """Return source digests of those of `names` that a module has registered in this process."""
         own = [controller for controller in _registered(names) if not controller.origin]
         functions = [function for controller in own for function in (controller.step, controller.prepare)]
-        return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
+        return Provenance.sources_of(getattr(function, "__module__", "cranectl") for function in functions)
 
     def run_alone(self, names: Iterable[str]) -> bool:
         """Return True if any of these controllers can serve only one run at a time."""

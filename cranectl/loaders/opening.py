@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
 from cranectl.design import Origin
-from cranectl.support import InputError, checks_arguments, open_input, replacing, syntax_of
+from cranectl.support import InputError, Provenance, checks_arguments, open_input, replacing
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
@@ -92,7 +92,7 @@ class ControllerFile(NamedTuple):
 
 
 def _code(name: str, content: bytes) -> bytes:
-    return syntax_of(content) if name.endswith(".py") else content
+    return Provenance.syntax_of(content) if name.endswith(".py") else content
 
 
 def _part(folder: Path, name: str) -> bytes:

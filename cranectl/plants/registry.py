@@ -19,9 +19,9 @@ from cranectl.support import (
     VIEWER,
     Extensions,
     InputError,
+    Provenance,
     check_fields,
     checks_arguments,
-    source_digests,
 )
 
 MAX_PLANT_LABEL = 40  # [characters]
@@ -287,7 +287,7 @@ class Plants(MutableMapping[str, PlantEntry]):
         """Return the digests of plants from other packages and from model files, as `provenance` has them."""
         entries = [self[name] for name in names if name in self]
         models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
-        return source_digests({entry.where.partition(":")[0] for entry in entries}) | models
+        return Provenance.sources_of({entry.where.partition(":")[0] for entry in entries}) | models
 
     @property
     def model_files(self) -> dict[str, PlantEntry]:

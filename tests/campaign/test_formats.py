@@ -14,7 +14,7 @@ from cranectl.campaign.results import MANIFEST_FILE, open_store, read_results
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import fingerprints
+from cranectl.support.provenance import Provenance
 
 SAMPLES = Path(__file__).parent / "samples"
 # Largest error of each sample with lqr, read from the parts by pyarrow alone.
@@ -61,9 +61,8 @@ def test_it_can_be_reported(samples: Path, number: int, capsys: pytest.CaptureFi
     assert main(command) == 0
     out = capsys.readouterr().out
     assert "33.3  9.7-70.0     0.0524" in out
-    assert (
-        f"sources {'unknown' if number == 1 else '70bca0eedddf5057'}, now {fingerprints()['sources']}" in out
-    )
+    sources, now = "unknown" if number == 1 else "70bca0eedddf5057", Provenance.fingerprints()["sources"]
+    assert f"sources {sources}, now {now}" in out
     makers = json.loads((samples / "found.json").read_text())["software"]
     assert [maker["runs"] for maker in makers] == ([6] if number == 1 else [6, 6])
     if number > 1:
