@@ -3,7 +3,6 @@
 The step may be written in any language that makes a function with the C signature of `controller`.
 """
 
-from ctypes import POINTER, c_double
 from math import isfinite
 from typing import Any, NamedTuple, cast
 
@@ -19,16 +18,7 @@ from cranectl.controllers.preparation import prepared
 from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
-from cranectl.support import (
-    STEP,
-    UNCOMPILED,
-    Array,
-    ForeignCode,
-    InputError,
-    address_of,
-    jit,
-    why_not_compiled,
-)
+from cranectl.support import UNCOMPILED, Array, CompiledStep, ForeignCode, InputError, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -112,9 +102,9 @@ def compile_controller(controller: Controller, nominal: Nominal, recorded: int) 
 def _compiled(controller: Controller) -> int:
     """Return the address of the compiled step; raise InputError with Numba's reason if that fails."""
     try:
-        address = address_of(controller.step)
+        address = CompiledStep.address_of(controller.step)
     except Exception as error:  # Numba raises many unrelated classes
-        said, where = why_not_compiled(controller.step, error)
+        said, where = CompiledStep.why_not(controller.step, error)
         raise InputError(
             f"the step of {controller.name} cannot be compiled: {said}",
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
@@ -149,7 +139,7 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
 
 def _call_uncompiled(address, *arrays):
     """Do what `_call` does in a process where Numba's compiler is switched off."""
-    return STEP(address)(*(array.ctypes.data_as(POINTER(c_double)) for array in arrays))
+    return CompiledStep.call(address, *arrays)
 
 
 if UNCOMPILED:

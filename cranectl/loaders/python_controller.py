@@ -32,7 +32,7 @@ from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
-from cranectl.support import Array, ForeignCode, InputError, address_of, why_not_compiled
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
@@ -183,9 +183,9 @@ def _callable(controller: Controller, file: ControllerFile) -> Controller:
     """Return the controller; if Numba cannot compile its step, warn and let Python run it."""
     try:
         with ForeignCode.reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
-            address_of(controller.step)
+            CompiledStep.address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
-        said, where = why_not_compiled(controller.step, error)
+        said, where = CompiledStep.why_not(controller.step, error)
         if multiprocessing.parent_process() is None:  # workers would repeat the warning
             print(
                 f"cranectl: {file.reference} is called back from the compiled loop, some microseconds a "

@@ -34,7 +34,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.support import Array, jit, jit_called
+from cranectl.support import Array, jit
 
 
 @jit
@@ -190,7 +190,7 @@ def no_warnings(_):
     return 0
 
 
-@jit_called
+@jit(inline=False)
 def runge_kutta_defect(rig, states, commands, disturbances, winds, defect):
     """Write an RK4 step from each state minus the next state into `defect` (N - 1, >= 10)."""
     rates, work, state = np.zeros((4, 10)), np.zeros(10), np.zeros(10)

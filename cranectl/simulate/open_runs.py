@@ -28,20 +28,7 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
-from cranectl.support import (
-    UNCOMPILED,
-    Array,
-    InputError,
-    checked,
-    checks_arguments,
-    jit,
-    jit_address,
-    jit_loop,
-    packed,
-    pointer_after,
-    type_of,
-    unpacker,
-)
+from cranectl.support import UNCOMPILED, Array, Block, InputError, Specialised, checked, checks_arguments, jit
 
 MAX_CRANES = 100_000  # that a program steps together
 
@@ -262,7 +249,8 @@ class OpenRuns(SteppedMemory):
             state=self._states[i],
             load=self._loads[i],
         )
-        self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
+        block = Block(crane) if is_compiled else None
+        self._blocks[i] = (block.kind, block.numbers) if block else (None, np.zeros(0))
 
 
 @checks_arguments
@@ -351,6 +339,7 @@ def advance_crane(crane, samples):
 
 # `_compiled` replaces this name by a function that reads a crane from its block.
 unpack: Any = None
+pointer_after = Block.pointer_after  # compiled code looks up no members
 
 
 def _advance_all(blocks, words, cranes, samples):
@@ -363,8 +352,10 @@ def _advance_all(blocks, words, cranes, samples):
 @functools.cache
 def _compiled(kind: Any) -> Any:
     """Compile `_advance_all` for cranes of Numba's type `kind`."""
-    advance = jit_loop(advance_crane, "compiled", advance_block=shared_loop(), measure=measure_addressed)
+    callees = {"advance_block": shared_loop(), "measure": measure_addressed}
+    advance = Specialised(advance_crane, "compiled", **callees).loop()
     arguments = (types.CPointer(types.float64), *[types.int64] * 3)
     name = hashlib.sha256(str(kind).encode()).hexdigest()[:16]
-    address = jit_address(_advance_all, name, arguments, unpack=unpacker(kind), advance_crane=advance)
+    whole = Specialised(_advance_all, name, unpack=Block.unpacker(kind), advance_crane=advance)
+    address = whole.address(arguments)
     return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, *[ctypes.c_int64] * 3)(address)

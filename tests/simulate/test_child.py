@@ -15,7 +15,7 @@ from cranectl.cli.controller_options import timeout_option
 from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import Child
-from cranectl.support.compiled_step import report_failure
+from cranectl.support.compiled_step import CompiledStep
 from cranectl.support.parent import Parent
 from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
@@ -81,7 +81,7 @@ def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.Capture
         raise ValueError("a\x1b[2Jb\nc")
 
     list(blocks_in_child(advance, 1, "law\x07", 60.0))
-    report_failure("law\x07", ValueError("a\x1b[2Jb\nc"))
+    CompiledStep.report("law\x07", ValueError("a\x1b[2Jb\nc"))
     message = capfd.readouterr().err
     assert message.count("ValueError: a\\x1b[2Jb\\nc") == 2
     assert message.isascii()

@@ -19,7 +19,7 @@ from cranectl.analysis.budget.propagation import Deviation, FrictionPort
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, TrajectoryLoop
 from cranectl.controllers import EXPECTED, JOINTS, Observer, correct, initial_estimate, predict
 from cranectl.simulate import Encoders, read_encoder
-from cranectl.support import Array, jit_called
+from cranectl.support import Array, jit
 
 STATES = 3  # of the estimator of one joint
 NEGLIGIBLE = 1e-60
@@ -57,7 +57,7 @@ def observed_error(observer: Observer, encoders: Encoders, states: Array, comman
     return error
 
 
-@jit_called
+@jit(inline=False)
 def observe_along(observer, encoders, states, commands, estimate, error):
     """Run the observer along a motion for `observed_error`; `estimate` is its memory."""
     for k in range(len(states)):

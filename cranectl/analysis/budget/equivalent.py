@@ -24,7 +24,7 @@ from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.simulate import Run, limited, make_limits
-from cranectl.support import Array, jit_called
+from cranectl.support import Array, jit
 
 
 def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = None) -> Ports:
@@ -132,7 +132,7 @@ def limit_error(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predicted: 
     return ports
 
 
-@jit_called
+@jit(inline=False)
 def limit_set_points(limits, requested, start, correction):
     """Write limited minus requested set-points `requested` (N, 3) into `correction`.
 

@@ -18,7 +18,7 @@ from cranectl.analysis.budget.trajectory_loop import (
 from cranectl.controllers import only_flat
 from cranectl.plants import next_states
 from cranectl.simulate import Run, tracker_of
-from cranectl.support import Array, jit_called
+from cranectl.support import Array, jit
 
 FRICTION_ITERATIONS = 4  # over the axes, because the friction of one changes the rates of the others
 
@@ -89,7 +89,7 @@ def propagate(loop: TrajectoryLoop, ports: Ports, friction: FrictionPort = NO_FR
     )
 
 
-@jit_called
+@jit(inline=False)
 def propagate_signals(loop, ports, friction, deviation):
     """Fill all of `deviation` but its load.
 
@@ -125,7 +125,7 @@ def propagate_signals(loop, ports, friction, deviation):
             add_friction(loop, friction, k, deviation)
 
 
-@jit_called
+@jit(inline=False)
 def add_product(matrix, vector, result):
     """Add `matrix` times `vector` to the first elements of `result`."""
     for i in range(matrix.shape[0]):
@@ -133,7 +133,7 @@ def add_product(matrix, vector, result):
             result[i] += matrix[i, j] * vector[j]
 
 
-@jit_called
+@jit(inline=False)
 def add_friction(loop, friction, k, deviation):
     """Add friction to sample `k` and its effect to the next; an axis sticks if Coulomb's friction suffices.
 

@@ -29,7 +29,7 @@ from cranectl.model import flat_output, linearising_input
 from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, PhysicsStep, Plant, next_states
 from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario
 from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
-from cranectl.support import Array, jit_called
+from cranectl.support import Array, jit
 
 EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant's states
 DIFFERENCE_STEP = 1e-6  # half width of the central differences, SI units
@@ -79,7 +79,7 @@ class TrajectoryLoop(NamedTuple):
         return int(self.outputs.shape[2])
 
 
-@jit_called
+@jit(inline=False)
 def command_each(gravity, ports, flat, command):
     """Write the result of `command_outputs` into `flat` (N, 12) and `command` (N, 3)."""
     for k in range(len(ports)):
