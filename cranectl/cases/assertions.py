@@ -32,12 +32,12 @@ from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import InputError, Provenance, checks_arguments, exact_seconds, quantity
+from cranectl.support import Arguments, InputError, Provenance, exact_seconds, quantity
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
 
-Arguments = ParamSpec("Arguments")
+P = ParamSpec("P")
 
 
 class CaseRuns(dict[str, Run]):
@@ -65,11 +65,11 @@ class CaseRuns(dict[str, Run]):
         return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
 
 
-def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
+def without_traceback(function: Callable[P, None]) -> Callable[P, None]:
     """Make assertions and input errors of `function` point at the line that calls it."""
 
     @functools.wraps(function)
-    def asserting(*args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
+    def asserting(*args: P.args, **kwargs: P.kwargs) -> None:
         __tracebackhide__ = True
         try:
             function(*args, **kwargs)
@@ -80,7 +80,7 @@ def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments
 
 
 @without_traceback
-@checks_arguments
+@Arguments.checked
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
@@ -140,7 +140,7 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
 
 
 @without_traceback
-@checks_arguments
+@Arguments.checked
 def assert_limits(runs: CaseRuns, **limits: float) -> None:
     """Assert that every run keeps its limits and ended as the scenario expects.
 

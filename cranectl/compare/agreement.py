@@ -18,7 +18,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InconsistentError, Shipped, checks_arguments, read_toml
+from cranectl.support import Arguments, InconsistentError, Shipped, read_toml
 
 LAGGING_MODEL = "cranectl.model.dynamics, fixed-step DOP853"  # text of the analytic plant in earlier logs
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
@@ -187,7 +187,7 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
     return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
 
 
-@checks_arguments
+@Arguments.checked
 def judge(
     a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:

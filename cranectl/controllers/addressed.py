@@ -18,7 +18,7 @@ from cranectl.controllers.preparation import prepared
 from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
-from cranectl.support import UNCOMPILED, Array, CompiledStep, ForeignCode, InputError, jit
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -142,7 +142,7 @@ def _call_uncompiled(address, *arrays):
     return CompiledStep.call(address, *arrays)
 
 
-if UNCOMPILED:
+if CompiledStep.UNCOMPILED:
     _call = _call_uncompiled
 
 

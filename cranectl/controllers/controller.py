@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from cranectl.design import ControllerDesign, Design, Origin, Value
 from cranectl.scenario import DesignSettings, RigParameters, Scaled, Scenario
 from cranectl.signals import Signal
-from cranectl.support import Array, InputError, check_fields
+from cranectl.support import Arguments, Array, InputError
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
 Follows = Literal["path", "set-point"]  # set-point: the end of the present segment, at rest
@@ -81,7 +81,7 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Raise InputError for a declaration of the wrong kind."""
-        check_fields(self)
+        Arguments.check_fields(self)
 
     def sized(self, value: Value, length: float) -> Value:
         """Scale `value` from the laboratory rig to a similar one that is `length` times as large."""
@@ -280,7 +280,7 @@ class Controller:
         check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
         self._check_items("logged", Logged, "{name: place of the memory}")
         check_names(self.name, "signal", (logged.signal.name for logged in self.logged))
-        check_fields(self)
+        Arguments.check_fields(self)
         for name in self.reads or ():
             check_choice(f"{self.name}.reads", name, READABLE)
         places = {f"logged: the place of '{signal.name}'": place for place, signal in self.logged}

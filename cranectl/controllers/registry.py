@@ -10,7 +10,7 @@ from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
-from cranectl.support import Extensions, InputError, Provenance, checked
+from cranectl.support import Arguments, Extensions, InputError, Provenance
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller
@@ -168,7 +168,7 @@ def register_controller(controller: "Controller") -> None:
     """
     from cranectl.controllers.controller import Controller
 
-    checked("controller", controller, Controller)
+    Arguments.check("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
     InputError.check_name("controller", controller.name, taken=ALL_CONTROLLERS)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
 from cranectl.design import Origin
-from cranectl.support import InputError, Provenance, checks_arguments, open_input, replacing
+from cranectl.support import Arguments, InputError, Provenance, open_input, replacing
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
@@ -145,7 +145,7 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
 
-@checks_arguments
+@Arguments.checked
 def open_controller(reference: str) -> str:
     """Register the controller of a file, or of another process, with this process.
 

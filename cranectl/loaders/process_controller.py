@@ -30,7 +30,7 @@ from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
-from cranectl.support import Array, InputError, Parent, SafePath, Timeout, in_background, parse_toml
+from cranectl.support import Array, InputError, Parent, Program, SafePath, in_background, parse_toml
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
@@ -148,9 +148,9 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
         connection.send(request.pack(sequence, *measured[:count], *reference[:REFERENCE_WIDTH]))
         deadline = settings.deadline if sequence > 0 else None
         limit = deadline or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
-        timeout = Timeout(UNKNOWN if deadline else connection.process, limit)
+        pid = UNKNOWN if deadline else connection.process
         with Parent.starting() if sequence == 0 else nullcontext():
-            received = timeout.wait_for(partial(_answer, connection, answer, sequence))
+            received = Program.wait_for(pid, limit, partial(_answer, connection, answer, sequence))
         if received is not None:
             memory[MEMORY.last_command :] = received
         elif deadline is not None:

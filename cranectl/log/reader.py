@@ -27,7 +27,7 @@ from cranectl.mcap_columns import (
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Array, InconsistentError, InputError, LogError, checks_arguments
+from cranectl.support import Arguments, Array, InconsistentError, InputError, LogError
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
@@ -44,7 +44,7 @@ class TopicSamples(NamedTuple):
     values: Array  # (N, signals)
 
 
-@checks_arguments
+@Arguments.checked
 def read_log(path: str | Path) -> dict[str, Run]:
     """Read the runs in a log, at the logged rate.
 
@@ -79,7 +79,7 @@ def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader,
         return runs
 
 
-@checks_arguments
+@Arguments.checked
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     """Read one signal of a log, without decoding the others.
 

@@ -25,7 +25,7 @@ from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
-from cranectl.support import FileKind, InputError, Interruption, LogError, checks_arguments, replacing
+from cranectl.support import Arguments, FileKind, InputError, Interruption, LogError, replacing
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario
@@ -39,7 +39,7 @@ def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = F
     FileKind.MCAP.check_place(path, inputs=inputs, option="--out", at_once=at_once)
 
 
-@checks_arguments
+@Arguments.checked
 def write_log(
     path: str | Path, runs: Sequence[Run], *, every: int | None = None, limits: PairLimits | None = None
 ) -> Path:

@@ -13,7 +13,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import Kernels, Plant
-from cranectl.support import UNCOMPILED, Array, Block, Specialised, jit
+from cranectl.support import Array, Block, CompiledStep, Specialised, jit
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
@@ -32,7 +32,7 @@ class AddressedPlant(NamedTuple):
 def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
     """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
     warned = np.zeros(1, dtype=np.int64)
-    if UNCOMPILED:
+    if CompiledStep.UNCOMPILED:
         return AddressedPlant(cast(Any, kernels), handle, warned)
     block = Block(handle)
     return AddressedPlant(_address(kernels, block.kind), block.numbers, warned)
@@ -107,7 +107,7 @@ def _call_uncompiled(kernels, handle, action, state, *command_to_load):
     return int(kernels.warnings(handle))
 
 
-if UNCOMPILED:
+if CompiledStep.UNCOMPILED:
     _call = _call_uncompiled
 
 

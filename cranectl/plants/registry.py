@@ -14,15 +14,7 @@ from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario import EFFECTS
-from cranectl.support import (
-    COLOURS,
-    VIEWER,
-    Extensions,
-    InputError,
-    Provenance,
-    check_fields,
-    checks_arguments,
-)
+from cranectl.support import COLOURS, VIEWER, Arguments, Extensions, InputError, Provenance
 
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
@@ -99,7 +91,7 @@ class PlantEntry:
 
     def __post_init__(self) -> None:
         InputError.check_name("plant", self.name)
-        check_fields(self)
+        Arguments.check_fields(self)
         if not 0 < len(self.label) <= MAX_PLANT_LABEL or not self.label.isprintable():
             raise InputError(
                 f"the label {self.label[:MAX_PLANT_LABEL]!r} of the plant {self.name}",
@@ -346,7 +338,7 @@ PLANTS = Plants(
 )
 
 
-@checks_arguments
+@Arguments.checked
 def register_plant(entry: PlantEntry) -> None:
     """Make a plant known to this process.
 

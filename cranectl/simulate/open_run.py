@@ -15,7 +15,7 @@ from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
 from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant
 from cranectl.status import RunStatus
-from cranectl.support import Array, InputError, TakesTurns, checks_arguments
+from cranectl.support import Arguments, Array, InputError, TakesTurns
 
 DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
 MAX_STEPPED = 10**7  # samples in one step
@@ -179,7 +179,7 @@ class OpenRun(SteppedMemory):
         )
 
 
-@checks_arguments
+@Arguments.checked
 def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
     """Open a run without a controller, to be stepped by a program.
 

@@ -28,7 +28,7 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
-from cranectl.support import UNCOMPILED, Array, Block, InputError, Specialised, checked, checks_arguments, jit
+from cranectl.support import Arguments, Array, Block, CompiledStep, InputError, Specialised, jit
 
 MAX_CRANES = 100_000  # that a program steps together
 
@@ -113,7 +113,9 @@ class OpenRuns(SteppedMemory):
         """
         chosen = self._chosen(cranes)
         starts = [
-            [None] * len(chosen) if values is None else list(checked(name, values, Iterable[Any] | None))
+            [None] * len(chosen)
+            if values is None
+            else list(Arguments.check(name, values, Iterable[Any] | None))
             for name, values in (("states", states), ("seeds", seeds), ("targets", targets))
         ]
         if any(len(values) != len(chosen) for values in starts):
@@ -233,7 +235,7 @@ class OpenRuns(SteppedMemory):
         self._references[i] = loop.plan.reference
         self._clock[i], self._status[i], self._loads[i] = 0, RUNNING, np.nan
         plant.measure(self._states[i])
-        is_compiled = isinstance(loop.block, CompiledLoop) and not UNCOMPILED
+        is_compiled = isinstance(loop.block, CompiledLoop) and not CompiledStep.UNCOMPILED
         self._cranes[i] = crane = Crane(
             plant=cast(CompiledLoop, loop.block).plant if is_compiled else plant,
             inputs=loop.inputs._replace(reference=reference, disturbance=disturbance, wind=wind),
@@ -253,7 +255,7 @@ class OpenRuns(SteppedMemory):
         self._blocks[i] = (block.kind, block.numbers) if block else (None, np.zeros(0))
 
 
-@checks_arguments
+@Arguments.checked
 def open_runs(
     scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
 ) -> OpenRuns:

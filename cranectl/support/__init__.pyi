@@ -1,14 +1,11 @@
 from . import documents as documents
-from .arguments import check_fields as check_fields
-from .arguments import checked as checked
-from .arguments import checks_arguments as checks_arguments
+from .arguments import Arguments as Arguments
 from .arrays import CERTAIN_DIGITS as CERTAIN_DIGITS
 from .arrays import Array as Array
 from .arrays import Mask as Mask
 from .arrays import round_digits as round_digits
 from .children import Child as Child
 from .children import Program as Program
-from .children import Timeout as Timeout
 from .colours import COLOURS as COLOURS
 from .colours import LIGHT as LIGHT
 from .colours import SLACK_ROPE as SLACK_ROPE
@@ -52,7 +49,6 @@ from .files import writing as writing
 from .foreign_code import ForeignCode as ForeignCode
 from .interrupts import Interruption as Interruption
 from .interrupts import in_background as in_background
-from .jit import UNCOMPILED as UNCOMPILED
 from .jit import Specialised as Specialised
 from .jit import jit as jit
 from .junit import JUnitCase as JUnitCase

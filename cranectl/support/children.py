@@ -284,3 +284,8 @@ class Program(NamedTuple):
                 process.kill()
                 raise TimeoutError
             return cls(process.returncode, *said)
+
+    @staticmethod
+    def wait_for(pid: int, seconds: float, poll: Callable[[float], T]) -> T | None:
+        """Return what `poll` returns once it is true; None if the `Timeout` of the program is over."""
+        return Timeout(pid, seconds).wait_for(poll)

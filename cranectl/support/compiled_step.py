@@ -84,6 +84,7 @@ STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
 class CompiledStep(CFunc):
     """A compiled controller step, or another compiled function that returns an int64."""
 
+    UNCOMPILED = UNCOMPILED  # whether Numba's compiler is switched off
     FAILED = -1  # status of a step that raised an exception
     C_TYPE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.POINTER(ctypes.c_double)] * 5)
     _targetdescr = _StepTarget(lambda *arguments: _report(*arguments))
