@@ -21,13 +21,13 @@ def ask_declaration(program: str, binary: Path, question: dict[str, Any]) -> dic
 
     command = [sys.executable, "-I", __file__, program, str(binary)]
     try:
-        asked = Program.ask(command, DECLARATION_TIMEOUT, question=json.dumps(question))
+        done = Program.ask(command, DECLARATION_TIMEOUT, question=json.dumps(question))
     except TimeoutError:
         raise ValueError(f"gives no answer within {DECLARATION_TIMEOUT:g} s") from None
     try:
-        answer: dict[str, Any] = json.loads(asked.output)
+        answer: dict[str, Any] = json.loads(done.output)
     except ValueError:
-        raise ValueError(f"ended the process that asked it what it declares, with {asked.end}") from None
+        raise ValueError(f"ended the process that asked it what it declares, with {done.end}") from None
     if "error" in answer:
         raise ValueError(answer["error"])
     return answer
