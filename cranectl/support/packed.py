@@ -92,11 +92,11 @@ class Block:
 
     def __init__(self, value: Any) -> None:
         """Pack `value`, which the user must keep."""
+        self.numbers = _packed(value)
         key = compute_fingerprint(value)
         if key not in _TYPES:
             _TYPES[key] = numba.typeof(value)
         self.kind = _TYPES[key]  # Numba's type of it
-        self.numbers = _packed(value)
 
     @staticmethod
     def places(value: Any) -> Iterator[tuple[int, Any]]:
