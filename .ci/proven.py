@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-from cranectl.support.provenance import syntax_of
+from cranectl.support.provenance import Provenance
 from cranectl.support.sources import exported, module_files
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -203,7 +203,7 @@ def folder_of(name: str) -> str:
 def content_of(name: str) -> bytes:
     """Return what counts of a file: the syntax of Python, all of others."""
     content = (ROOT / name).read_bytes().replace(b"\r\n", b"\n")
-    return syntax_of(content) if name.endswith(".py") else content
+    return Provenance.syntax_of(content) if name.endswith(".py") else content
 
 
 def files_of(each: Set) -> set[str]:

@@ -3,18 +3,18 @@
 import sys
 
 from cranectl.cli import exit_codes
-from cranectl.support import heed_interrupts, interrupt, is_caused_by_interrupt
+from cranectl.support import Interruption
 
 
 def main() -> int:
     """Run the command line; handle interrupts from the start, even while modules are loaded."""
     try:
-        heed_interrupts(interrupt)
+        Interruption.heed()
         from cranectl.cli.main import main
 
         return main()
     except BaseException as error:
-        if not is_caused_by_interrupt(error):
+        if not Interruption.is_cause_of(error):
             raise
         sys.stderr.write("cranectl: interrupted\n")
         return exit_codes.INTERRUPTED

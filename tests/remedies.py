@@ -184,6 +184,8 @@ def definitions(body: Iterable[ast.stmt]) -> dict[str, ast.expr | ast.FunctionDe
             names[node.target.id] = node.value
         elif isinstance(node, ast.FunctionDef):
             names[node.name] = node
+        elif isinstance(node, ast.ClassDef) and node.name == "InputError":
+            names |= definitions(node.body)
     return names
 
 
@@ -209,7 +211,9 @@ def texts(expression: ast.expr, known: dict[str, ast.expr | ast.FunctionDef]) ->
             return of(value) if isinstance(value, ast.expr) else []
         case ast.Call(func=ast.Attribute(value=table, attr="get"), args=[_, other]):
             return of(table, other)
-        case ast.Call(func=ast.Name(id=name)):
+        case ast.Call(
+            func=ast.Name(id=name) | ast.Attribute(value=ast.Name(id="cls" | "InputError"), attr=name)
+        ):
             function = known.get(name)
             return of(*_returned(function)) if isinstance(function, ast.FunctionDef) else []
     return []

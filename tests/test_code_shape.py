@@ -11,7 +11,7 @@ MAX_POSITIONAL = 5  # of a function, without `self`
 MAX_KERNEL_ARGUMENTS = 10  # of a compiled function
 MAX_NESTING = 3
 NESTS = (ast.For, ast.While, ast.If, ast.With, ast.Try)
-COMPILERS = ("jit", "cfunc", "overload", "intrinsic")
+COMPILERS = ("jit", "cfunc", "overload", "intrinsic", "Specialised")
 
 
 def trees() -> dict[str, ast.Module]:

@@ -4,6 +4,7 @@ import csv
 import os
 import re
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from cranectl.scenario import Scenario
 from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.documents import leaves
-from cranectl.support.errors import InputError, matching
+from cranectl.support.errors import InputError
 from tests.conftest import PAIR, ROOT, cut, short_scenario
 from tests.packages import install, run_beside
 
@@ -295,7 +296,9 @@ def test_the_documented_units_match_the_signals() -> None:
     documented = [(patterns, unit) for patterns, unit in documented if unit in {"1", *units.values()}]
     assert len(documented) == 10
     for name, unit in units.items():
-        fitting = (unit for patterns, unit in documented if any(matching(p, [name]) for p in patterns or "*"))
+        fitting = (
+            unit for patterns, unit in documented if any(fnmatchcase(name, p) for p in patterns or "*")
+        )
         assert next(fitting) == unit, name
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support.provenance import fingerprints
+from cranectl.support.provenance import Provenance
 from tests.conftest import ALL_SCENARIOS, ROOT
+from tests.support.test_provenance import ASKED
 
 MAX_BYTES = 1_300_000
 TRACKED = subprocess.run(
@@ -50,8 +51,7 @@ def test_the_wheel_has_the_package_and_its_data(wheel: Path) -> None:
 
 def test_the_wheel_has_the_fingerprints_of_the_checkout(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path)
-    command = "import json; from cranectl.support.provenance import fingerprints as f; print(json.dumps(f()))"
-    assert json.loads(python(tmp_path, tmp_path, "-c", command)) == fingerprints()
+    assert json.loads(python(tmp_path, tmp_path, "-c", ASKED)) == Provenance.fingerprints()
 
 
 def python(site: Path, work: Path, *arguments: str, code: int = 0) -> str:

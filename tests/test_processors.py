@@ -65,7 +65,7 @@ from cranectl.simulate.runner import nominal_crane
 from cranectl.support.documents import leaves, read_toml
 
 designs.kept = lambda kind, key, compute: compute()  # stored designs would hide a difference
-loader.address_of = lambda step: 0  # compiling steps, which are not called, would take half a minute
+loader.CompiledStep.address_of = lambda step: 0  # to compile steps, which are not called, takes half a minute
 benchmark = read_benchmark("literature")
 controllers = measured_controllers(benchmark)
 

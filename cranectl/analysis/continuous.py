@@ -34,7 +34,7 @@ from cranectl.signals import (
 )
 from cranectl.simulate import Plan, Run, check_several, plan_scenario, record_width, whole_record
 from cranectl.status import RunStatus
-from cranectl.support import Array, jit_called
+from cranectl.support import Array, jit
 
 STAGES = DOP853.n_stages  # of the Dormand-Prince method of order 8, with SciPy's coefficients
 A, B = np.ascontiguousarray(DOP853.A[:STAGES, :STAGES]), np.ascontiguousarray(DOP853.B)
@@ -58,7 +58,7 @@ class ContinuousLoop(NamedTuple):
     gravity: float
 
 
-@jit_called
+@jit(inline=False)
 def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outputs):
     """Write state derivative, flat output (15,) and `outputs` (9,), which are u, v and v-bar, three each."""
     zeta, zeta_dot = state[EXTENSION], state[EXTENSION + 1]
@@ -99,7 +99,7 @@ def closed_loop_derivative(loop, state, reference, disturbance, rate, flat, outp
     rate[EXTENSION], rate[EXTENSION + 1] = zeta_dot, flat[SNAP + Z]
 
 
-@jit_called
+@jit(inline=False)
 def record_rows(loop, rig, states, reference, disturbance, wind, record):
     """Write `record` at the sampled `states`; return the number of complete rows and the final status."""
     rate, flat, outputs = np.zeros(states.shape[1]), np.zeros(15), np.zeros(9)
@@ -128,7 +128,7 @@ def record_rows(loop, rig, states, reference, disturbance, wind, record):
     return len(states), COMPLETED
 
 
-@jit_called
+@jit(inline=False)
 def advance_steps(loop, rig, state, steps, reference, disturbance, wind, row_of, states):
     """Integrate over `steps` (n,), `reference` (n, stages, 15); `row_of` (n,) are rows in `states`, or -1."""
     size = len(state)

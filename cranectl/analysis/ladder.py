@@ -30,7 +30,7 @@ from cranectl.simulate import (
     plan_scenario,
     simulate_run,
 )
-from cranectl.support import Array, InputError, check_ascending
+from cranectl.support import Array, InconsistentError, InputError
 
 Progress = Callable[[float], None]  # called with simulated seconds
 
@@ -52,7 +52,9 @@ class Size:
         """Raise InconsistentError if the maximum is smaller than another value; squares may overflow."""
         for name, value in (("the RMS deviation", self.rms), ("the final deviation", self.final)):
             if isfinite(value):
-                check_ascending((name, value), ("the largest deviation", self.max), rounding=MEAN_ROUNDING)
+                InconsistentError.check_ascending(
+                    (name, value), ("the largest deviation", self.max), rounding=MEAN_ROUNDING
+                )
 
 
 @dataclass(frozen=True)

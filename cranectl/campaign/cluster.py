@@ -28,16 +28,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import ControllerFile, open_again
-from cranectl.support import (
-    HARMLESS,
-    PACKAGES,
-    SIGNALS,
-    InputError,
-    Table,
-    forget_safe_path,
-    provenance_differences,
-    safe_path,
-)
+from cranectl.support import InputError, Interruption, Provenance, SafePath, Table
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -122,7 +113,7 @@ def _check_installed(client: "Client", expected: Mapping[str, str]) -> None:
     """Raise InputError if a package is absent or has another version on the scheduler or a worker."""
     # Dask itself reads the versions: a worker without cranectl cannot call a function of cranectl. Workers
     # that join later are checked with their first batch.
-    names = [name for name in PACKAGES if name not in HARMLESS]
+    names = [name for name in Provenance.PACKAGES if name not in Provenance.HARMLESS]
     versions: Any = client.get_versions(packages=names)
     # The scheduler only loads cranectl, so that its other packages do not matter.
     hosts = [("scheduler", versions["scheduler"]["packages"], ["cranectl"])]
@@ -217,7 +208,7 @@ def _check_address(scheduler: str) -> None:
 def _local(distributed: Any, workers: int) -> Iterator["Client"]:
     # Memory has no limit: a campaign needs little, and any limit would be a guess.
     with (
-        safe_path(),  # until the cluster ends: Dask starts a new worker whenever one dies
+        SafePath(),  # until the cluster ends: Dask starts a new worker whenever one dies
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -248,15 +239,15 @@ def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
 
 def dask_setup(_worker: Any) -> None:
     """Ignore interrupts in a process of a local cluster, which its command ends; Dask calls this by name."""
-    forget_safe_path()
-    for number in SIGNALS:
+    SafePath.forget()
+    for number in Interruption.SIGNALS:
         if number != signal.SIGTERM:  # the signal by which Dask ends its processes
             signal.signal(number, signal.SIG_IGN)
 
 
 def _check_software(versions: Mapping[str, str], expected: Mapping[str, str], host: str) -> None:
     """Raise InputError that names the packages if `versions` could give other rows than `expected`."""
-    different = provenance_differences(versions, expected, word="here")
+    different = Provenance.differences(versions, expected, word="here")
     if different:
         raise InputError(
             f"the {host} has other software: {'; '.join(different)}",

@@ -16,17 +16,7 @@ from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewVa
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
-from cranectl.support import (
-    SHOWN_NEAR_NAMES,
-    Array,
-    InputError,
-    assign,
-    did_you_mean,
-    exact_seconds,
-    leaves,
-    mapped,
-    nearest_first,
-)
+from cranectl.support import Array, InputError, assign, exact_seconds, leaves, mapped
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
 PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period
@@ -249,9 +239,9 @@ def _unknown(name: str, values: dict[str, Any]) -> InputError:
             allowed=", ".join(below),
             remedy="give each of them a distribution",
         )
-    near = nearest_first(name, known)[:SHOWN_NEAR_NAMES]
+    near = InputError.nearest(name, known)
     return InputError(
         f"unknown parameter '{name}' under [uncertain]",
         allowed=f"numbers of the scenario, the nearest being {', '.join(near)}",
-        remedy=did_you_mean(name, near) or "choose a number of the scenario",
+        remedy=InputError.did_you_mean(name, near) or "choose a number of the scenario",
     )

@@ -18,7 +18,7 @@ from cranectl.controllers import ALL_CONTROLLERS, OPEN, UDP
 from cranectl.loaders.opening import file_from
 from cranectl.plants import PLANTS, REFERENCE_PLANT, PlantEntry, examine
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
-from cranectl.support import HARMLESS, InputError, Table, documents, provenance, provenance_differences
+from cranectl.support import InputError, Provenance, Table, documents
 
 FORMAT = 3
 RULE = 1  # version of the identities
@@ -40,7 +40,7 @@ class SoftwareOrigin(NamedTuple):
 def software_of(plants: Iterable[str], controllers: Iterable[str]) -> dict[str, str]:
     """Return the versions of the installed software: cranectl, registered modules, controllers from files."""
     own = PLANTS.sources(plants) | ALL_CONTROLLERS.sources(controllers) | ALL_CONTROLLERS.digests(controllers)
-    return provenance() | own
+    return Provenance.now() | own
 
 
 def changes_of_software(
@@ -57,7 +57,7 @@ def changes_of_software(
         for name, version in versions.items()
         if not name.startswith(("law ", "model ")) or name in installed
     }
-    return tuple(provenance_differences(comparable, installed))
+    return tuple(Provenance.differences(comparable, installed))
 
 
 def _has_analytic_drives(campaign: Mapping[str, Any]) -> bool:
@@ -164,7 +164,7 @@ def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:
 
 def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> SoftwareOrigin:
     """Return the origin of parts made by `versions`, identified by a digest of all that decides numbers."""
-    software = {name: version for name, version in versions.items() if name not in HARMLESS}
+    software = {name: version for name, version in versions.items() if name not in Provenance.HARMLESS}
     text = json.dumps({**_decisive(manifest), "format": RULE, "versions": software}, sort_keys=True)
     return SoftwareOrigin(hashlib.sha256(text.encode()).hexdigest()[:16], versions)
 

@@ -35,7 +35,7 @@ from cranectl.campaign.manifest import (
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.scenario import HeldFiles
-from cranectl.support import InputError, Table, exists, provenance_differences, read_json, write_text, writing
+from cranectl.support import InputError, Provenance, Table, exists, read_json, write_text, writing
 
 MANIFEST_FILE = "campaign.json"
 PARTS = "parts"
@@ -274,7 +274,7 @@ def _check_same(directory: Path, manifest: Table, expected: Table, *, resume: bo
 def _software(directory: Path, manifest: Table, installed: dict[str, str], *, accepted: bool) -> Table:
     """Return the versions for a resumed manifest; raise InputError for new software unless `accepted`."""
     known = [manifest["versions"], *manifest["accepted"]]
-    different = [provenance_differences(versions, installed) for versions in known]
+    different = [Provenance.differences(versions, installed) for versions in known]
     if all(different):
         if not accepted:
             raise InputError(

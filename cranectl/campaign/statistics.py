@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.summary import CONFIDENCE, QUANTILE_ROUNDING
-from cranectl.support import Array, Mask, check_ascending
+from cranectl.support import Array, InconsistentError, Mask
 
 Bins = list[NDArray[np.intp]]  # indices of the rows in each bin
 
@@ -25,7 +25,7 @@ def quantiles(values: Array, at: tuple[float, ...] = LEVELS) -> Array:
     finite = values[np.isfinite(values)]
     values_at = np.quantile(finite, at) if finite.size else np.full(len(at), np.nan)
     named = [(f"the {level:g} quantile", float(value)) for level, value in zip(at, values_at, strict=True)]
-    check_ascending(*named, rounding=QUANTILE_ROUNDING)
+    InconsistentError.check_ascending(*named, rounding=QUANTILE_ROUNDING)
     return values_at
 
 

@@ -19,7 +19,7 @@ from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
 from cranectl.metrics import all_metrics, low_is_bad, within
 from cranectl.status import RunStatus
-from cranectl.support import Array, Mask, check_ascending, check_sum
+from cranectl.support import Array, InconsistentError, Mask
 
 Rows = NDArray[np.intp]
 Columns = Callable[[str], Any]  # returns the values (runs,) of a column by its name; absent ones None or NaN
@@ -53,14 +53,20 @@ class GroupSummary:
     def __post_init__(self) -> None:
         """Raise InconsistentError for counts, rates or quantiles that contradict each other."""
         failed_runs, not_run_count = ("failures", self.failures), sum(self.not_run.values())
-        check_ascending(("stopped runs", sum(self.stopped.values())), failed_runs, ("runs", self.runs))
+        InconsistentError.check_ascending(
+            ("stopped runs", sum(self.stopped.values())), failed_runs, ("runs", self.runs)
+        )
         most = max(self.broken.values(), default=0) + sum(self.stopped.values())
-        check_ascending(("runs that stopped or broke one limit", most), failed_runs)
-        check_sum("the number of runs that could not be run", self.stopped.get(FAILED, 0), [not_run_count])
+        InconsistentError.check_ascending(("runs that stopped or broke one limit", most), failed_runs)
+        InconsistentError.check_sum(
+            "the number of runs that could not be run", self.stopped.get(FAILED, 0), [not_run_count]
+        )
         low, high = self.failure_rate_interval or (None, None)
         rates = (("its interval's low end", low), ("the failure rate", self.failure_rate))
-        check_ascending(*rates, ("its interval's high end", high), rounding=QUANTILE_ROUNDING)
-        check_ascending(
+        InconsistentError.check_ascending(
+            *rates, ("its interval's high end", high), rounding=QUANTILE_ROUNDING
+        )
+        InconsistentError.check_ascending(
             ("the median of max_error_m", self.median_max_error_m),
             ("its 95 % quantile", self.q95_max_error_m),
             ("its largest value", self.worst_max_error_m),
@@ -71,7 +77,7 @@ class GroupSummary:
 def summarize(results: Results) -> tuple[GroupSummary, ...]:
     """Return one summary for each plant and controller, in the order of the campaign."""
     summaries = tuple(_summary(results, plant, controller) for plant, controller in results.campaign.groups)
-    check_sum("the number of runs", len(results), [group.runs for group in summaries])
+    InconsistentError.check_sum("the number of runs", len(results), [group.runs for group in summaries])
     return summaries
 
 

@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.support import FINGERPRINTS, interrupts_wait, open_input, replacing
+from cranectl.support import Interruption, Provenance, open_input, replacing
 
 Value = int | float | str | None
 Row = dict[str, Value]
@@ -129,7 +129,7 @@ def write_part(
     schema = _part_schema(campaign, origin, batch)
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
     # An open file instead of its path, because Arrow takes UTF-8 paths only.
-    with interrupts_wait(), replacing(path) as unfinished, unfinished.open("wb") as stream:
+    with Interruption.delayed(), replacing(path) as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(
             table,
             stream,
@@ -173,7 +173,7 @@ def read_part(
 
 def _part_schema(campaign: Campaign, origin: SoftwareOrigin, batch: Batch) -> Any:
     """Return the schema of a part, with metadata that identify it."""
-    software = {name: origin.versions[name] for name in FINGERPRINTS if name in origin.versions}
+    software = {name: origin.versions[name] for name in Provenance.FINGERPRINTS if name in origin.versions}
     own = {"campaign": campaign.settings.name, "identity": origin.identity, **software}
     schema = arrow_schema(campaign, own | {name: str(value) for name, value in batch._asdict().items()})
     return schema.with_metadata({**schema.metadata, DIGEST: _digest(schema)})

@@ -15,7 +15,6 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from functools import partial
 from math import inf
-from multiprocessing.connection import Connection
 from time import perf_counter
 from typing import Self
 
@@ -26,16 +25,7 @@ from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedErro
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.simulate import BLOCK_TIMEOUT
-from cranectl.support import (
-    Child,
-    ChildError,
-    InputError,
-    MachineError,
-    Table,
-    report_to_parent,
-    requests,
-    spawn_child,
-)
+from cranectl.support import Child, InputError, MachineError, Parent, Table
 
 # Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
 Engine = Callable[..., Generator[tuple[Batch, list[Row]], None, None]]
@@ -146,7 +136,7 @@ class Children:
         try:
             child = self._idle.pop()
         except IndexError:
-            child = spawn_child(_serve_requests)
+            child = Child.spawn(_serve_requests)
         child.send((manifest_of(campaign), OPEN.share(campaign.settings.controllers)))
         return child
 
@@ -199,7 +189,7 @@ class ChildWorker:
             row: Row | None = child.receive(inf, check_stop)  # no timeout: the process imports and compiles
             while row is None:
                 row = child.receive(self._timeout, check_stop)
-        except ChildError as error:
+        except Child.Error as error:
             self._end()
             if error.is_killed:
                 raise MachineError.of(f"a worker with {batch.controller} {error}, from outside") from None
@@ -211,28 +201,28 @@ class ChildWorker:
         return row
 
 
-def _serve_requests(connection: Connection) -> None:
+def _serve_requests(parent: Parent) -> None:
     """Serve campaigns and batches of one sample: send None after each block, then a row or an error."""
-    report_to_parent(connection.send)
+    parent.keep_informed()
     worker: Worker | InputError | None = None
 
     def report_block() -> bool:
-        connection.send(None)
+        parent.send(None)
         return False
 
-    for request in requests(connection):
+    for request in parent.requests():
         if not isinstance(request, Batch):
             worker = _make_worker(*request)
         elif isinstance(worker, InputError):
-            connection.send(worker)
+            parent.send(worker)
         else:
             assert worker is not None
             try:
                 (row,) = worker.run_batch(request, report_block)
             except MachineError as error:
-                connection.send(error)
+                parent.send(error)
             else:
-                connection.send(row)
+                parent.send(row)
 
 
 def _make_worker(manifest: Table, shared: SharedControllers) -> Worker | InputError:

@@ -32,19 +32,12 @@ from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import (
-    InputError,
-    checks_arguments,
-    exact_seconds,
-    provenance,
-    provenance_differences,
-    quantity,
-)
+from cranectl.support import Arguments, InputError, Provenance, exact_seconds, quantity
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
 
-Arguments = ParamSpec("Arguments")
+P = ParamSpec("P")
 
 
 class CaseRuns(dict[str, Run]):
@@ -72,11 +65,11 @@ class CaseRuns(dict[str, Run]):
         return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
 
 
-def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments, None]:
+def without_traceback(function: Callable[P, None]) -> Callable[P, None]:
     """Make assertions and input errors of `function` point at the line that calls it."""
 
     @functools.wraps(function)
-    def asserting(*args: Arguments.args, **kwargs: Arguments.kwargs) -> None:
+    def asserting(*args: P.args, **kwargs: P.kwargs) -> None:
         __tracebackhide__ = True
         try:
             function(*args, **kwargs)
@@ -87,7 +80,7 @@ def without_traceback(function: Callable[Arguments, None]) -> Callable[Arguments
 
 
 @without_traceback
-@checks_arguments
+@Arguments.checked
 def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: float | None = None) -> None:
     """Assert that the plants agree and that their runs ended as the scenario expects.
 
@@ -147,7 +140,7 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
 
 
 @without_traceback
-@checks_arguments
+@Arguments.checked
 def assert_limits(runs: CaseRuns, **limits: float) -> None:
     """Assert that every run keeps its limits and ended as the scenario expects.
 
@@ -224,7 +217,7 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         settings = first_differences(differing_fields(old, new))
         differing = [f"golden and new differ in {setting}" for setting in settings]
     if faults:
-        versions = provenance_differences(describe_log(golden_log).versions, provenance(), word="new")
+        versions = Provenance.differences(describe_log(golden_log).versions, Provenance.now(), word="new")
         software = [f"golden was made by other software: {version}" for version in versions]
         where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
         _raise_for([*differing, *faults], [*software, where])
@@ -301,7 +294,7 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
 
 def software_differences(log: Path, other: Path) -> list[str]:
     """Return differences of software that may explain different numbers in two logs."""
-    return provenance_differences(describe_log(log).versions, describe_log(other).versions, word="other")
+    return Provenance.differences(describe_log(log).versions, describe_log(other).versions, word="other")
 
 
 def nothing_shared() -> InputError:

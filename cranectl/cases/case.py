@@ -23,7 +23,7 @@ from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InputError, MachineError, describe_error
+from cranectl.support import InputError, MachineError
 
 LOG_DIRECTORY = Path("logs")
 
@@ -176,7 +176,7 @@ class Failure:
         """Return the failure for `error`."""
         if isinstance(error, InputError):
             return cls(str(error), bad_input=True)
-        text = " ".join(describe_error(error).split())
+        text = " ".join(InputError.describe(error).split())
         return cls(text, bad_input=False, trace="".join(traceback.format_exception(error)))
 
 

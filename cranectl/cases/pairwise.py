@@ -14,7 +14,7 @@ from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
-from cranectl.support import Array, check_ascending
+from cranectl.support import Array, InconsistentError
 
 SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
 SWING_ANGLES = (0.3, -0.2)  # at its start [rad]
@@ -39,7 +39,7 @@ class WorstPair:
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for more verdicts than cases."""
-        check_ascending(
+        InconsistentError.check_ascending(
             ("cases that failed or were not judged", self.failed + self.not_judged), ("cases", self.cases)
         )
 

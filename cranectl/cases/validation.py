@@ -4,7 +4,7 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
 from cranectl.cases.workers import CasesOutcome
@@ -12,8 +12,9 @@ from cranectl.compare import Agreement
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import LimitVerdict, all_metrics
 from cranectl.plants import PLANTS
-from cranectl.support import JUnitCase, Outcome, check_sum, difference_in, quantity, scaled
+from cranectl.support import InconsistentError, JUnitCase, difference_in, quantity, scaled
 
+Kind = Literal["passed", "failed", "error"]  # error: no result
 BETWEEN_PLANTS = "plants"  # key of a difference between plants
 
 
@@ -24,7 +25,7 @@ class Verdict(NamedTuple):
     controller: str
     drive: str
     plants: tuple[str, ...]
-    kind: Outcome
+    kind: Kind
     faults: tuple[str, ...]  # sentences that say why it did not pass
     log: str  # empty without a log
     overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
@@ -82,7 +83,9 @@ class Validation:
         """Raise InconsistentError unless every case has exactly one outcome."""
         failed = sum(isinstance(result, Failure) for result in self.outcome.results)
         missing = sum(result is None for result in self.outcome.results)
-        check_sum("the number of cases", len(self.cases), (len(self.finished), failed, missing))
+        InconsistentError.check_sum(
+            "the number of cases", len(self.cases), (len(self.finished), failed, missing)
+        )
 
     @property
     def results(self) -> list[tuple[Case, CaseResult]]:
@@ -156,7 +159,7 @@ class Validation:
     def _verdict(self, case: Case, result: CaseResult | Failure | None) -> Verdict:
         labels = case.source, case.controller, case.drive, case.plants
         if isinstance(result, CaseResult):
-            kind: Outcome = "passed" if result.passed else "failed"
+            kind: Kind = "passed" if result.passed else "failed"
             log, overrun = str(result.log or ""), _overrun(result)
             return Verdict(*labels, kind, tuple(_faults(result)), log, overrun, case, result)
         fault = result.reason if result is not None else f"no result: {self.missing_reason}"

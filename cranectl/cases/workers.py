@@ -9,7 +9,6 @@ from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import suppress
 from math import inf
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import Connection
 from multiprocessing.context import BaseContext
 from typing import NamedTuple
 
@@ -17,16 +16,7 @@ from cranectl.cases.case import Case, CaseResult, Failure, try_case
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.plants import PLANTS, PlantEntry
-from cranectl.support import (
-    TRIES,
-    Child,
-    ChildError,
-    interrupts_blocked,
-    interrupts_wait,
-    requests,
-    safe_path,
-    spawn_child,
-)
+from cranectl.support import Child, Interruption, MachineError, Parent, SafePath
 
 # Loaded once before workers are forked, which saves each worker two seconds of imports.
 PRELOADED_MODULES = ["control", "mujoco", "numba", "cranectl.cases.workers", "cranectl.design.loop_shaping"]
@@ -100,7 +90,7 @@ def _run_in_workers(cases: Sequence[Case], jobs: int, done: Done | None) -> Case
     indices: dict[Future[Result], int] = {}
     with ThreadPoolExecutor(jobs) as pool:
         try:
-            with interrupts_wait():  # else some cases would never be submitted
+            with Interruption.delayed():  # else some cases would never be submitted
                 indices |= {pool.submit(run, case): k for k, case in enumerate(cases)}
             collect()
         except KeyboardInterrupt:
@@ -124,10 +114,10 @@ class _Worker:
         self._is_stopping = False
 
     def run(self, case: Case) -> Result:
-        for _ in range(TRIES):
+        for _ in range(MachineError.TRIES):
             if self._stop.is_set():
                 return None
-            with suppress(ChildError):
+            with suppress(Child.Error):
                 self._child = self._child or self._start_child()
                 self._child.send(case)
                 result: Result = self._child.receive(inf, self._pass_on_stop)
@@ -141,7 +131,7 @@ class _Worker:
 
     def _start_child(self) -> Child:
         arguments = OPEN.share(), _plant_modules(), PLANTS.model_files
-        return spawn_child(_serve_cases, *arguments, context=self._context, daemon=False)
+        return Child.spawn(_serve_cases, *arguments, context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:
         if self._child is not None and self._stop.is_set() and not self._is_stopping:
@@ -157,11 +147,11 @@ def _worker_context() -> BaseContext:
     context.set_forkserver_preload([*PRELOADED_MODULES, *_plant_modules()])
     # Signals go to the whole process group, also while the server loads; only the parent may react to them.
     for helper in (resource_tracker, forkserver):
-        with safe_path(), interrupts_blocked():  # once per helper, since the tracker unblocks some signals
+        with SafePath(), Interruption.blocked():  # once per helper, since the tracker unblocks some signals
             helper.ensure_running()
     # The server answers once it has loaded everything; an interrupt may end this wait.
     warm_up = context.Process(target=os.getpid)
-    with safe_path():
+    with SafePath():
         warm_up.start()
     warm_up.join()
     return context
@@ -173,7 +163,7 @@ def _plant_modules() -> tuple[str, ...]:
 
 
 def _serve_cases(
-    connection: Connection, shared: SharedControllers, plants: tuple[str, ...], models: dict[str, PlantEntry]
+    parent: Parent, shared: SharedControllers, plants: tuple[str, ...], models: dict[str, PlantEntry]
 ) -> None:
     """Run cases in a worker, with the parent's controllers and plants, until the parent asks it to end."""
     PLANTS.update(models)
@@ -183,8 +173,8 @@ def _serve_cases(
     open_again(shared)
 
     def interrupt_if_requested(_seconds: float) -> None:
-        if connection.poll():  # while a case runs, the parent sends only requests to stop
+        if parent.connection.poll():  # while a case runs, the parent sends only requests to stop
             raise KeyboardInterrupt
 
-    for case in requests(connection):
-        connection.send(try_case(case, progress=interrupt_if_requested))
+    for case in parent.requests():
+        parent.send(try_case(case, progress=interrupt_if_requested))

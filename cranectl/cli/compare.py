@@ -282,7 +282,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     """Write the merged log; the pair that is in it."""
     from cranectl.compare import differing_fields, merged_pair, refuse_differences
     from cranectl.log import describe_log, read_log, write_logged
-    from cranectl.support import provenance, provenance_differences
+    from cranectl.support import Provenance
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
     for log, runs_of_log in zip((a_log, b_log), runs, strict=True):
@@ -299,7 +299,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
         refuse = functools.partial(refuse_differences, described=first)
         refuse(f"the runs of {first} and {second} differ in", differing_fields(*pair))
         for description in descriptions:
-            different = provenance_differences(description.versions, provenance(), harmless=True)
+            different = Provenance.differences(description.versions, Provenance.now(), harmless=True)
             refuse(f"{description.path} and this installation differ in", different)
     write_logged(out, pair, descriptions[0].every)
     return pair

@@ -129,14 +129,14 @@ def _print_overlay(
     from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table
-    from cranectl.support import other_software
+    from cranectl.support import Provenance
 
     runs = {label: layer.run for label, layer in layers.items()}
     made_of: dict[str, list[str]] = {}
     for label, run in runs.items():
         for name, origin in origins(add_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
-    software = other_software({label: layer.versions for label, layer in layers.items()})
+    software = Provenance.others({label: layer.versions for label, layer in layers.items()})
     for name, text in (
         ("file", description.path),
         ("overlay of", ", ".join(layers)),
@@ -161,14 +161,14 @@ def _print_plants(
     from cranectl.planning.review import add_claims
     from cranectl.plants import PhysicsStep
     from cranectl.report.run.differences import settings_table
-    from cranectl.support import difference_text, provenance, provenance_differences
+    from cranectl.support import Provenance, difference_text
 
     runs = {name: layer.run for name, layer in layers.items()}
     run_list = list(runs.values())
     agreements = [
         judge(*pair) for pair in against_reference([run for run in run_list if len(run.time_ns)], runs)
     ]
-    software = provenance_differences(description.versions, provenance())
+    software = Provenance.differences(description.versions, Provenance.now())
     scenario, design = run_list[0].scenario, f"{run_list[0].controller}, {run_list[0].drive} drives"
     facts = [
         ("file", description.path),

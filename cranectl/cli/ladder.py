@@ -66,7 +66,7 @@ def ladder_command(
     from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.log import Layer, check_recordable, check_writable, write_overlay
     from cranectl.report.rig.tables import ladder_table
-    from cranectl.support import provenance
+    from cranectl.support import Provenance
 
     top = top or NAMES[-1]
     loaded = request.load()
@@ -79,7 +79,7 @@ def ladder_command(
         for result in evaluate_levels(loaded, name, top=top, progress=advance):
             advance(0.0, f"{loaded.name}, {result.level.name}")
             results.append(result)
-    made_by = provenance()
+    made_by = Provenance.now()
     write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
     screen.print(ladder_table(results))
     added = {result.level.name for result in results}

@@ -13,7 +13,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.counts import MAX_PORT, Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support import FileKind, heed_interrupts, interrupt, printable, write_text, writing
+from cranectl.support import FileKind, Interruption, printable, write_text, writing
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -132,10 +132,10 @@ def _until_ended() -> Iterator[threading.Event]:
 
     def end() -> None:
         if stop.is_set():
-            interrupt()
+            raise Interruption
         stop.set()
 
-    before = heed_interrupts(end)
+    before = Interruption.heed(end)
     try:
         yield stop
     finally:

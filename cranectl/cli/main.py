@@ -18,16 +18,7 @@ import click
 from cranectl.cli import exit_codes
 from cranectl.cli.command import Invocation
 from cranectl.cli.streams import steady_streams
-from cranectl.support import (
-    CranectlError,
-    InputError,
-    MachineError,
-    describe_error,
-    heed_interrupts,
-    interrupt,
-    is_caused_by_interrupt,
-    printable,
-)
+from cranectl.support import CranectlError, InputError, Interruption, MachineError, printable
 
 WRONG_NAMES = (
     errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.ELOOP, errno.EINVAL,
@@ -113,7 +104,7 @@ def main(arguments: list[str] | None = None) -> int:
     # Matrices here are small: threads of the linear algebra library only wait for one another.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["MPLBACKEND"] = "agg"  # pictures go into files, whatever the user's own plots need
-    heed_interrupts(interrupt)
+    Interruption.heed()
     words = sys.argv[1:] if arguments is None else arguments
     arguments = [argument for argument in words if argument != TRACEBACK]
     with steady_streams():
@@ -135,18 +126,18 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         print(f"cranectl: bad input\n{error}", file=sys.stderr)
         return exit_codes.BAD_INPUT
     except (KeyboardInterrupt, Exception) as error:
-        if is_caused_by_interrupt(error) or isinstance(error, click.Abort):
+        if Interruption.is_cause_of(error) or isinstance(error, click.Abort):
             print("cranectl: interrupted", file=sys.stderr)
             return exit_codes.INTERRUPTED
         if (named := _wrong_name(error, arguments)) is not None:
             print(f"cranectl: bad input\n{named}", file=sys.stderr)
             return exit_codes.BAD_INPUT
         if MachineError.is_cause_of(error):
-            print(f"cranectl: bad input\n{MachineError.of(describe_error(error))}", file=sys.stderr)
+            print(f"cranectl: bad input\n{MachineError.of(InputError.describe(error))}", file=sys.stderr)
             return exit_codes.BAD_INPUT
         if full_traceback:
             traceback.print_exc()
-        what = printable(describe_error(error))
+        what = printable(InputError.describe(error))
         print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
         return exit_codes.UNFORESEEN
     return code if isinstance(code, int) else exit_codes.GOOD

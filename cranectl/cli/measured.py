@@ -45,7 +45,7 @@ def compare_measured(
     from cranectl.measured.comparison import predict
     from cranectl.measured.replay import REPEATED, default_replay
     from cranectl.plants import REFERENCE_PLANT, examine, plant_named
-    from cranectl.support import provenance
+    from cranectl.support import Provenance
 
     if out is not None:
         FileKind.MCAP.check_place(out, inputs=[log], option="--out")
@@ -74,7 +74,7 @@ def compare_measured(
         if prediction.status.stopped:
             screen.print(f"the prediction ended early: {prediction.status.label} at {prediction.end_s:g} s")
     if out is not None:
-        labelled = {f"predicted-{plant}": Layer(p, 1, provenance()) for plant, p in predicted.items()}
+        labelled = {f"predicted-{plant}": Layer(p, 1, Provenance.now()) for plant, p in predicted.items()}
         write_overlay(out, {MEASURED_LABEL: measured, **labelled})
         screen.print(f"log: {out}")
         screen.print(f"see it over time: cranectl report {shlex.quote(str(out))}")

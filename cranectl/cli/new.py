@@ -85,9 +85,8 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
     from cranectl.loaders.c_controller import HEADER, compile_command
-    from cranectl.support import check_name
 
-    check_name(kind, name)
+    InputError.check_name(kind, name)
     module = name.replace("-", "_")
     stem = module if kind.endswith("controller") else name
     templates = {

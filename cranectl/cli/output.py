@@ -100,10 +100,10 @@ class Screen(Console):
         self, cases: "Sequence[JUnitCase]", path: Path, command: str = "cranectl validate"
     ) -> None:
         """Write JUnit XML and print where it is."""
-        from cranectl.support import junit_text
+        from cranectl.support import JUnitCase
 
         with writing(path):
-            write_text(path, junit_text(cases, command))
+            write_text(path, JUnitCase.document(cases, command))
         self.print(f"JUnit: {path}")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:

@@ -51,7 +51,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_figures
     from cranectl.report.run.page import log_page
-    from cranectl.support import other_software
+    from cranectl.support import Provenance
 
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
@@ -69,7 +69,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     notes = [
         f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
         f"{difference}"
-        for difference, of in other_software(versions).items()
+        for difference, of in Provenance.others(versions).items()
     ]
     worst = {}
     try:

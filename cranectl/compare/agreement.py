@@ -18,7 +18,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import Shipped, check_ascending, checks_arguments, read_toml
+from cranectl.support import Arguments, InconsistentError, Shipped, read_toml
 
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
 ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
@@ -149,8 +149,12 @@ class Agreement:
         """Raise InconsistentError for plants that pass although they exceed a limit."""
         if self.passed:
             load, angle = self.max_load_error_m, self.max_angle_error_rad
-            check_ascending(("the difference of a load that passed", load), ("its limit", self.limit_m))
-            check_ascending(("the difference of an angle that passed", angle), ("its limit", self.limit_rad))
+            InconsistentError.check_ascending(
+                ("the difference of a load that passed", load), ("its limit", self.limit_m)
+            )
+            InconsistentError.check_ascending(
+                ("the difference of an angle that passed", angle), ("its limit", self.limit_rad)
+            )
 
     @property
     def excess(self) -> float:
@@ -178,7 +182,7 @@ def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[t
     return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
 
 
-@checks_arguments
+@Arguments.checked
 def judge(
     a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None = None, comparison: Comparison | None = None
 ) -> Agreement:

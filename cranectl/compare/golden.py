@@ -17,7 +17,7 @@ from cranectl.compare.runs import (
 )
 from cranectl.scenario import NANOSECONDS, Settings, nanoseconds
 from cranectl.simulate import Run
-from cranectl.support import InputError, Shipped, matching, read_toml
+from cranectl.support import InputError, Shipped, read_toml
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -155,9 +155,7 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
     names = list(dict.fromkeys((*in_golden, *in_new)))
     chosen: dict[str, SignalLimit] = {}
     for limit in limits:
-        matched = matching(limit.signals, names)
-        if not matched:
-            raise InputError.unmatched(limit.signals, names)
+        matched = InputError.matching(limit.signals, names)
         if all(name in chosen for name in matched):
             earlier = ", ".join(dict.fromkeys(f"'{chosen[name].signals}'" for name in matched))
             raise InputError(

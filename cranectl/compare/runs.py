@@ -11,7 +11,7 @@ from cranectl.plants import PLANTS
 from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, checks_arguments, differences, leaves
+from cranectl.support import Arguments, Array, InputError, differences, leaves
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
@@ -63,7 +63,7 @@ class Comparison:
         return asdict(self)
 
 
-@checks_arguments
+@Arguments.checked
 def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
     """Compare two runs at the times that both have; differences are b - a.
 

@@ -3,7 +3,6 @@
 The step may be written in any language that makes a function with the C signature of `controller`.
 """
 
-from ctypes import POINTER, c_double
 from math import isfinite
 from typing import Any, NamedTuple, cast
 
@@ -19,17 +18,7 @@ from cranectl.controllers.preparation import prepared
 from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
-from cranectl.support import (
-    STEP,
-    UNCOMPILED,
-    Array,
-    InputError,
-    address_of,
-    environment_kept,
-    jit,
-    keeping_environment,
-    why_not_compiled,
-)
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -64,9 +53,9 @@ class CompiledController(NamedTuple):
         if self.address:
             return self
         entry, sizes = OPEN.entries[self.entry]
-        with environment_kept():
+        with ForeignCode.environment_kept():
             address = entry(sizes, self.parameters)
-        return self._replace(address=keeping_environment(address))
+        return self._replace(address=ForeignCode.keeping_environment(address))
 
     def with_own_memory(self) -> "CompiledController":
         """Return the controller with new work arrays; one from outside also gets copies of its constants."""
@@ -113,15 +102,15 @@ def compile_controller(controller: Controller, nominal: Nominal, recorded: int) 
 def _compiled(controller: Controller) -> int:
     """Return the address of the compiled step; raise InputError with Numba's reason if that fails."""
     try:
-        address = address_of(controller.step)
+        address = CompiledStep.address_of(controller.step)
     except Exception as error:  # Numba raises many unrelated classes
-        said, where = why_not_compiled(controller.step, error)
+        said, where = CompiledStep.why_not(controller.step, error)
         raise InputError(
             f"the step of {controller.name} cannot be compiled: {said}",
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
             remedy=f"correct {where}",
         ) from error
-    return address if controller.origin is None else keeping_environment(address)
+    return address if controller.origin is None else ForeignCode.keeping_environment(address)
 
 
 def _memories() -> dict[str, Any]:
@@ -150,10 +139,10 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
 
 def _call_uncompiled(address, *arrays):
     """Do what `_call` does in a process where Numba's compiler is switched off."""
-    return STEP(address)(*(array.ctypes.data_as(POINTER(c_double)) for array in arrays))
+    return CompiledStep.call(address, *arrays)
 
 
-if UNCOMPILED:
+if CompiledStep.UNCOMPILED:
     _call = _call_uncompiled
 
 

@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple, get_args
 from cranectl.design import ControllerDesign, Design, Origin, Value
 from cranectl.scenario import DesignSettings, RigParameters, Scaled, Scenario
 from cranectl.signals import Signal
-from cranectl.support import Array, InputError, check_fields, check_name, check_whole, shown
+from cranectl.support import Arguments, Array, InputError
 
 Command = Literal["acceleration", "velocity", "force"]  # [m/s²], [m/s], [N]
 Follows = Literal["path", "set-point"]  # set-point: the end of the present segment, at rest
@@ -81,7 +81,7 @@ class Parameter:
 
     def __post_init__(self) -> None:
         """Raise InputError for a declaration of the wrong kind."""
-        check_fields(self)
+        Arguments.check_fields(self)
 
     def sized(self, value: Value, length: float) -> Value:
         """Scale `value` from the laboratory rig to a similar one that is `length` times as large."""
@@ -259,15 +259,15 @@ class Controller:
     def __post_init__(self) -> None:
         """Raise InputError for a declaration of the wrong kind or out of its range."""
         if self.axis_design is None:
-            check_name("controller", self.name)
+            InputError.check_name("controller", self.name)
         self._check("step", callable(self.step), "a function", remedy="write step(parameters, measured, ...)")
         self._check("prepare", callable(self.prepare), "a function", remedy="write prepare(nominal)")
         for key, kinds in (("command", Command), ("follows", Follows), ("measures", Measures)):
             check_choice(f"{self.name}.{key}", getattr(self, key), get_args(kinds))
         every = "how many control periods lie between two steps"
-        check_whole(f"{self.name}.every", self.every, 1, MAX_EVERY, every)
+        InputError.check_whole(f"{self.name}.every", self.every, 1, MAX_EVERY, every)
         preview = "how many rows of the reference it looks ahead"
-        check_whole(f"{self.name}.preview", self.preview, 0, MAX_PREVIEW, preview)
+        InputError.check_whole(f"{self.name}.preview", self.preview, 0, MAX_PREVIEW, preview)
         lowest, highest = self.every * Scenario.MIN_PERIOD, self.every * Scenario.MAX_SECONDS
         is_number = isinstance(self.period, Real) and not isinstance(self.period, bool)
         self._check(
@@ -280,19 +280,21 @@ class Controller:
         check_names(self.name, "parameter", (parameter.name for parameter in self.parameters))
         self._check_items("logged", Logged, "{name: place of the memory}")
         check_names(self.name, "signal", (logged.signal.name for logged in self.logged))
-        check_fields(self)
+        Arguments.check_fields(self)
         for name in self.reads or ():
             check_choice(f"{self.name}.reads", name, READABLE)
         places = {f"logged: the place of '{signal.name}'": place for place, signal in self.logged}
         if self.slack_place is not None:
             places["slack_place"] = self.slack_place
         for what, place in places.items():
-            check_whole(f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on")
+            InputError.check_whole(
+                f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on"
+            )
 
     def _check(self, key: str, fits: bool, allowed: str, *, remedy: str) -> None:
         """Raise InputError unless the declaration `key` fits."""
         if not fits:
-            found = f"{self.name}.{key} = {shown(getattr(self, key))}"
+            found = f"{self.name}.{key} = {InputError.shown(getattr(self, key))}"
             raise InputError(found, allowed=allowed, remedy=remedy)
 
     def _check_items(self, key: str, kind: type, otherwise: str) -> None:
@@ -325,7 +327,9 @@ def check_choice(what: str, value: Any, choices: Collection[str]) -> None:
     """Raise InputError unless `value` is one of `choices`."""
     if not (isinstance(value, str) and value in choices):
         raise InputError(
-            f"{what} = {shown(value)}", allowed=", ".join(choices), remedy="choose one of those listed above"
+            f"{what} = {InputError.shown(value)}",
+            allowed=", ".join(choices),
+            remedy="choose one of those listed above",
         )
 
 
@@ -336,6 +340,8 @@ def check_names(owner: str, kind: str, names: Iterable[Any]) -> None:
     for name in names:
         fits = isinstance(name, str) and re.fullmatch(pattern, name) is not None
         if not fits or name in seen:
-            problem = f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {shown(name)}"
+            problem = (
+                f"{owner} {verb} {f'two {kind}s' if fits else f'a {kind}'} named {InputError.shown(name)}"
+            )
             raise InputError(problem, allowed=allowed, remedy="take another name")
         seen.add(name)

@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal
 from cranectl.scenario import nanoseconds
-from cranectl.support import Array, InputError, contained, describe_error, reported_when_slow, shown
+from cranectl.support import Array, ForeignCode, InputError
 
 LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearController"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"
@@ -25,12 +25,14 @@ def prepared(controller: Controller, nominal: Nominal) -> tuple[Array, Array]:
     returned = _run_own_code(controller, "prepare", controller.prepare, PAIR, nominal)
     problem = f"prepare of {controller.name} returns "
     if not isinstance(returned, tuple | list) or len(returned) != 2:
-        raise InputError(problem + shown(returned), allowed=PAIR, remedy="return both, an empty one too")
+        raise InputError(
+            problem + InputError.shown(returned), allowed=PAIR, remedy="return both, an empty one too"
+        )
     try:
         parameters, memory = map(real_numbers, returned)
     except (TypeError, ValueError, MemoryError) as error:
         raise InputError(
-            f"{problem}{shown(returned)}: {error}",
+            f"{problem}{InputError.shown(returned)}: {error}",
             allowed=PAIR,
             remedy=f"return real numbers, at most {MAX_MEMORY} in each",
         ) from error
@@ -50,7 +52,9 @@ def linearised(controller: Controller, nominal: Nominal, rope_length: float) -> 
     returned = _run_own_code(controller, "linearise", controller.linearise, LINEAR, nominal, rope_length)
     if not isinstance(returned, LinearController):
         raise InputError(
-            f"linearise of {controller.name} returns {shown(returned)}", allowed=LINEAR, remedy="return one"
+            f"linearise of {controller.name} returns {InputError.shown(returned)}",
+            allowed=LINEAR,
+            remedy="return one",
         )
     return returned
 
@@ -86,13 +90,13 @@ def _run_own_code(
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*arguments)
     try:
-        with contained(), reported_when_slow(f"{name} of {controller.name} has been running"):
+        with ForeignCode.contained(f"{name} of {controller.name} has been running"):
             return function(*arguments)
     except (InputError, KeyboardInterrupt):
         raise
     except BaseException as error:
         raise InputError(
-            f"{name} of {controller.name} failed{_where(error)}: {describe_error(error)}",
+            f"{name} of {controller.name} failed{_where(error)}: {InputError.describe(error)}",
             allowed=f"{allowed}, or raises cranectl.InputError with what the controller cannot do",
             remedy="correct it; in a class it has no self",
         ) from error

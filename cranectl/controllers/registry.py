@@ -3,21 +3,14 @@
 import functools
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import ControllerDesign, Design
 from cranectl.scenario import Scenario
-from cranectl.support import (
-    FINGERPRINT_DIGITS,
-    Extensions,
-    InputError,
-    check_free,
-    checked,
-    loaded,
-    source_digests,
-)
+from cranectl.support import Arguments, Extensions, InputError, Provenance
 
 if TYPE_CHECKING:
     from cranectl.controllers.controller import Controller
@@ -64,7 +57,7 @@ class Controllers(Mapping[str, "Controller"]):
             return FLAT_CONTROLLERS[name]
         if name not in WHERE:
             return {**_added(), **OPEN.registered}[name]
-        controller: Controller = loaded(WHERE[name])
+        controller: Controller = resolve_name(WHERE[name])
         return controller
 
     def checked(self, name: str) -> str:
@@ -133,7 +126,7 @@ class Controllers(Mapping[str, "Controller"]):
     def digests(self, names: Iterable[str]) -> dict[str, str]:
         """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
         return {
-            f"law {controller.name}": controller.code[:FINGERPRINT_DIGITS]
+            f"law {controller.name}": controller.code[: Provenance.DIGITS]
             for controller in _registered(names)
             if controller.code
         }
@@ -142,7 +135,7 @@ class Controllers(Mapping[str, "Controller"]):
         """Return source digests of those of `names` that a module has registered in this process."""
         own = [controller for controller in _registered(names) if not controller.origin]
         functions = [function for controller in own for function in (controller.step, controller.prepare)]
-        return source_digests(getattr(function, "__module__", "cranectl") for function in functions)
+        return Provenance.sources_of(getattr(function, "__module__", "cranectl") for function in functions)
 
     def run_alone(self, names: Iterable[str]) -> bool:
         """Return True if any of these controllers can serve only one run at a time."""
@@ -169,10 +162,10 @@ def register_controller(controller: "Controller") -> None:
     """
     from cranectl.controllers.controller import Controller
 
-    checked("controller", controller, Controller)
+    Arguments.check("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
-    check_free("controller", controller.name, ALL_CONTROLLERS)
+    InputError.check_name("controller", controller.name, taken=ALL_CONTROLLERS)
     OPEN.registered[controller.name] = controller
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
 from cranectl.scenario import DesignSettings
-from cranectl.support import InputError, checks_arguments, kept
+from cranectl.support import Arguments, InputError, kept
 
 FEEDBACKS = {
     "pole-placement": "flatness-based tracker, poles placed",
@@ -32,7 +32,7 @@ TITLES = {
 CONTROLLERS = tuple(TITLES)
 
 
-@checks_arguments
+@Arguments.checked
 @functools.lru_cache(maxsize=64)
 def design_controller(name: str, settings: DesignSettings | None = None) -> Design:
     """Design a controller of the flat family, or take the design that an earlier process stored.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import Signal, SignalGroup, controller_groups_of, flat_groups
-from cranectl.support import FINGERPRINT_DIGITS, Array, check_ascending
+from cranectl.support import Array, InconsistentError, Provenance
 
 if TYPE_CHECKING:
     import control
@@ -119,7 +119,7 @@ class Origin(NamedTuple):
     @property
     def described(self) -> str:
         """The file and its digest as a phrase."""
-        return f"{self.reference}, SHA-256 {self.sha256[:FINGERPRINT_DIGITS]}"
+        return f"{self.reference}, SHA-256 {self.sha256[: Provenance.DIGITS]}"
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,9 @@ class Design(ControllerDesign):
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for norms that contradict each other."""
-        check_ascending(("gamma, the smallest", self.gamma), ("gamma achieved", self.gamma_achieved))
+        InconsistentError.check_ascending(
+            ("gamma, the smallest", self.gamma), ("gamma achieved", self.gamma_achieved)
+        )
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 from uuid import UUID
 
 from cranectl.export.description import FmuVariable, build_description, model_description
-from cranectl.support import InputError, answer_of_program
+from cranectl.support import InputError, Program
 
 TEMPLATES = Path(__file__).parent / "templates"
 FOLDERS = {2: "linux64", 3: "x86_64-linux"}  # of the binary, by version of FMI
@@ -127,7 +127,7 @@ def compile_library(name: str, sources: Mapping[str, str | bytes]) -> bytes:
             (folder / file).write_bytes(content if isinstance(content, bytes) else content.encode())
         units = [str(folder / file) for file in sources if not file.endswith(".h")]
         command = [compiler, *options, *FLAGS, "-o", str(library), *units, "-lm"]
-        code, _, errors = answer_of_program(command, COMPILER_TIMEOUT)
+        code, _, errors = Program.ask(command, COMPILER_TIMEOUT)
         if code or not library.is_file():
             said = " ".join(errors.replace(f"{folder}/", "").split())[:400] or f"its exit status is {code}"
             raise InputError(

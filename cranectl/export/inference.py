@@ -11,7 +11,7 @@ from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 from numba.core.types import CPointer, IntEnumMember, float64, int64, unliteral
 
-from cranectl.support import UNCOMPILED, InputError, why_not_compiled
+from cranectl.support import CompiledStep, InputError
 
 Type = Any  # of Numba, which has no type hints
 _POINTER: Any = CPointer
@@ -54,7 +54,7 @@ class _Inference(Compiler):
 
 def check_compiler() -> None:
     """Raise InputError if Numba's compiler is switched off."""
-    if UNCOMPILED:
+    if CompiledStep.UNCOMPILED:
         raise InputError(
             "NUMBA_DISABLE_JIT is set", allowed="an export with Numba's compiler", remedy="unset it"
         )
@@ -72,7 +72,7 @@ def infer_types(function: Callable[..., Any], arguments: tuple[Type, ...]) -> In
     try:
         typemap, returned = compiler.compile_extra(function)
     except NumbaError as error:
-        said, where = why_not_compiled(function, error)
+        said, where = CompiledStep.why_not(function, error)
         raise InputError(
             f"{function.__name__} cannot be compiled: {said}",
             allowed="Python that Numba compiles",

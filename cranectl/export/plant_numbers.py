@@ -17,7 +17,7 @@ from cranectl.export.traced import Traced
 from cranectl.plants import PLANTS, Drive, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, Scenario, Settings
 from cranectl.signals import STATE
-from cranectl.support import Array, array_words, block_leaves
+from cranectl.support import Array, Block
 
 START = "start"  # prefix of the names of numbers of the state at the start
 
@@ -69,7 +69,7 @@ class PlantNumbers:
         plant.reset(start)
         words: list[int] = []
         arrays: dict[int, NDArray[Any]] = {}
-        for place, leaf in _placed(plant.handle):
+        for place, leaf in Block.places(plant.handle):
             if isinstance(leaf, np.ndarray):
                 arrays[place] = leaf
                 words += (0, *leaf.shape, *leaf.strides)
@@ -88,7 +88,7 @@ class PlantNumbers:
         Raises TypeError if one of them takes part in more than sums, products and quotients.
         """
         handle = self.plant(numbers).handle
-        leaves_by_place = dict(_placed(handle))
+        leaves_by_place = dict(Block.places(handle))
         found = {place: leaf for place, leaf in leaves_by_place.items() if isinstance(leaf, Traced)}
         state = next(place for place, leaf in leaves_by_place.items() if leaf is handle.state)
         first = self.memory({}).words[state]
@@ -156,14 +156,6 @@ def _replaced(settings: Any, prefix: str, numbers: Mapping[str, Any]) -> Any:
         elif key in numbers:
             update[name] = numbers[key]
     return settings.model_copy(update=update)
-
-
-def _placed(handle: Any) -> Iterator[tuple[int, Any]]:
-    """Yield the parts of a handle with their places in its block."""
-    place = 0
-    for leaf in block_leaves(handle):
-        yield place, leaf
-        place += array_words(leaf) if isinstance(leaf, np.ndarray) else 1
 
 
 def _bits(number: float) -> int:

@@ -1,7 +1,6 @@
 """Test vectors: what each control sample of a run gets, and what the compiled function makes of it."""
 
 from collections.abc import Iterable, Iterator
-from ctypes import POINTER, c_double
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from cranectl.controllers import JOINTS, CompiledController
 from cranectl.export.sample import ControlSample
 from cranectl.signals import ROPE
 from cranectl.simulate import Run, make_encoders, read_encoder
-from cranectl.support import STEP, Array
+from cranectl.support import Array, CompiledStep
 
 PARTS_OF_A_RUN, SAMPLES_IN_A_ROW = 5, 200  # samples in a row, spread over the run
 
@@ -29,13 +28,11 @@ def replay(
     address: int, parameters: Array, start: Array, inputs: Iterable[tuple[Array, Array]]
 ) -> Iterator[Sample]:
     """Yield what the step at an address does with measurements and references, from its memory at `start`."""
-    step, pointer = STEP(address), POINTER(c_double)
     parameters, memory, command = parameters.copy(), start.copy(), np.zeros(3)
     before = memory.copy()
     for measured, reference in inputs:
         before[:] = memory
-        arrays = (parameters, measured, reference, memory, command)
-        status = step(*(array.ctypes.data_as(pointer) for array in arrays))
+        status = CompiledStep.call(address, parameters, measured, reference, memory, command)
         yield Sample(measured, reference, before, command.copy(), status)
 
 

@@ -4,7 +4,6 @@ import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from math import inf
-from multiprocessing.connection import Connection
 from typing import Any
 
 from cranectl.controllers import OPEN, SharedControllers
@@ -16,7 +15,7 @@ from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, plan_scenario
 from cranectl.status import RunStatus
-from cranectl.support import Child, ChildError, InputError, report_to_parent, requests, spawn_child
+from cranectl.support import Child, InputError, Parent
 
 
 class ChildSession:
@@ -86,7 +85,7 @@ class ChildSession:
         try:
             self._child.send((method, arguments))
             answer, self.origin_ns, self.now_ns, self.moving = self._child.receive(timeout or self._timeout)
-        except ChildError as error:
+        except Child.Error as error:
             self._child, self.moving, answer = None, False, None
             print(f"cranectl: {self.design.name} {error}", file=sys.stderr)
         return answer
@@ -107,24 +106,24 @@ class ChildSession:
     def _start(self) -> list[Run]:
         """Start the child process and return runs without rows, or an empty list if the process has ended."""
         settings = (self.scenario, self.design, self._names, PLANTS.model_files, self.drive, self.origin_ns)
-        self._child = spawn_child(_serve_requests, OPEN.share(), settings)
+        self._child = Child.spawn(_serve_requests, OPEN.share(), settings)
         return (
             self._ask("advance", 0, timeout=inf) or []
         )  # the start imports and may compile, so it has no time limit
 
 
-def _serve_requests(connection: Connection, shared: SharedControllers, settings: tuple[Any, ...]) -> None:
+def _serve_requests(parent: Parent, shared: SharedControllers, settings: tuple[Any, ...]) -> None:
     """Serve requests in the child process: call the session, and answer with the result and its time."""
-    report_to_parent(connection.send)
+    parent.keep_informed()
     open_again(shared)
     scenario, design, plants, models, drive, origin_ns = settings
     PLANTS.update(models)
     session: Session | None = None
-    for method, arguments in requests(connection):
+    for method, arguments in parent.requests():
         try:
             session = session or Session(scenario, design, plants=plants, drive=drive, origin_ns=origin_ns)
             answer = getattr(session, method)(*arguments)
         except InputError as error:
-            connection.send(error)
+            parent.send(error)
         else:
-            connection.send((answer, session.origin_ns, session.now_ns, session.moving))
+            parent.send((answer, session.origin_ns, session.now_ns, session.moving))

@@ -38,7 +38,7 @@ from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Drawing, Scenario
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
-from cranectl.support import Array, provenance
+from cranectl.support import Array, Provenance
 
 # The value before anything is sent, so that the first value counts as a change.
 NO_STATUS, NO_DISTURBANCE = np.full((1, 4), -1), np.full((1, 5), np.nan)
@@ -91,7 +91,7 @@ class Increments:
             reference=self._plan.reference[:: self._every],
         )
         streams = [
-            run_info(runs, provenance()),
+            run_info(runs, Provenance.now()),
             design_info(runs[0].design),
             scene.path(whole),
             scene.workspace(whole),

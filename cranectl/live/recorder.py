@@ -34,9 +34,9 @@ from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import (
+    Interruption,
     LogError,
     check_replaceable,
-    interrupts_wait,
     replacing,
     toml_text,
     write_text,
@@ -170,7 +170,7 @@ class Recorder:
         sent = self._publisher.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
         try:
-            with interrupts_wait(), contextlib.suppress(_DiscardedError), self._replacement:
+            with Interruption.delayed(), contextlib.suppress(_DiscardedError), self._replacement:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
                 text = "" if driven is None else toml_text(driven.model_dump(exclude_unset=True))
                 states = {run.plant: run.status if run.status.stopped else running for run in runs}

@@ -17,18 +17,17 @@ DECLARATION_TIMEOUT = 600.0  # [s] for an answer, without waiting for a processo
 
 def ask_declaration(program: str, binary: Path, question: dict[str, Any]) -> dict[str, Any]:
     """Return what `answer(binary, question)` of the file `program` returns; raise ValueError as it does."""
-    from cranectl.support import answer_of_program, describe_exit  # which the process does without
+    from cranectl.support import Program  # which the process does without
 
     command = [sys.executable, "-I", __file__, program, str(binary)]
     try:
-        code, out, _ = answer_of_program(command, DECLARATION_TIMEOUT, question=json.dumps(question))
+        done = Program.ask(command, DECLARATION_TIMEOUT, question=json.dumps(question))
     except TimeoutError:
         raise ValueError(f"gives no answer within {DECLARATION_TIMEOUT:g} s") from None
     try:
-        answer: dict[str, Any] = json.loads(out)
+        answer: dict[str, Any] = json.loads(done.output)
     except ValueError:
-        how = describe_exit(code)
-        raise ValueError(f"ended the process that asked it what it declares, with {how}") from None
+        raise ValueError(f"ended the process that asked it what it declares, with {done.end}") from None
     if "error" in answer:
         raise ValueError(answer["error"])
     return answer

@@ -25,7 +25,7 @@ from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import ControllerFile, directory_of, slug
-from cranectl.support import Array, InputError, address_of, environment_kept
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError
 
 MAX_UNPACKED_BYTES = 2**30  # unpacked
 _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)
@@ -116,7 +116,7 @@ class Fmu:
             self._begin(parameters)
         except (OSError, ValueError) as error:
             fmi.say(f"{self.file.reference}: {error}")
-        return address_of(fmu_step.step)
+        return CompiledStep.address_of(fmu_step.step)
 
     @cached_property
     def _functions(self) -> fmi.Functions:
@@ -153,7 +153,7 @@ class Fmu:
 
     def _free(self, instance: int) -> None:
         if instance not in self._lost:
-            with environment_kept():
+            with ForeignCode.environment_kept():
                 self._functions["FreeInstance"](instance)
 
 
@@ -168,7 +168,7 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
             f"; it says that it needs the tool that made it: {tool}" if fmu.kind.needsExecutionTool else ""
         )
         raise wrong(file, f"{error}{needs}") from None
-    address_of(fmu_step.step)  # compiled before any run
+    CompiledStep.address_of(fmu_step.step)  # compiled before any run
     variables, table = fmu.variables, fmu.variables.table
     commanded = [index for index in variables.commands if index != fmu_step.HELD]
 

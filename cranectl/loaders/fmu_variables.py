@@ -13,7 +13,7 @@ from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
 from cranectl.scenario import Settings
 from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
-from cranectl.support import InputError, did_you_mean, parse_toml
+from cranectl.support import InputError, parse_toml
 
 ENCODERS = {f"encoders.{name}": k for k, name in enumerate(STATE.names[::2])}
 STATES = {f"state.{name}": k for k, name in enumerate(STATE.names)}
@@ -91,7 +91,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
             raise InputError(
                 f"{file.reference}: input '{variable.name}' is to be '{signal}', which no signal is",
                 allowed=", ".join(known),
-                remedy=did_you_mean(signal, known)
+                remedy=InputError.did_you_mean(signal, known)
                 or f"say in {source} what it is: [inputs] NAME = SIGNAL, or a number",
             )
     commands = _commands(meant, all_outputs, held_axes, file, source)
@@ -177,7 +177,7 @@ def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, sourc
             raise InputError(
                 f"{source}: {cause}s: the FMU has no {cause} '{name}'",
                 allowed=", ".join(names) or f"it has no {cause}s",
-                remedy=did_you_mean(name, names) or "correct the name",
+                remedy=InputError.did_you_mean(name, names) or "correct the name",
             )
     return {name: table.get(name, name) for name in names}
 

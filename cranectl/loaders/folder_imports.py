@@ -30,7 +30,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
-from cranectl.support import INSTALLED
+from cranectl.support import Provenance
 
 PREFIX = "_controller_"
 OUR_PACKAGE = "cranectl"  # never imported from a controller's folder
@@ -144,7 +144,7 @@ class FolderImports(MetaPathFinder):
 
     def _note_package(self, top: str) -> None:
         """Record all sources of an imported package that contains the controller or lies beside it."""
-        if self.folder.name in INSTALLED:  # other packages lie there too
+        if self.folder.name in Provenance.INSTALLED:  # other packages lie there too
             return
         module = sys.modules.get(top)
         for folder in map(Path, getattr(module, "__path__", ()) if top != OUR_PACKAGE else ()):

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cranectl.controllers import Sizes
-from cranectl.support import FAILED, Array, report_failure
+from cranectl.support import Array, CompiledStep
 
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
 _STEP = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 5)
@@ -40,8 +40,8 @@ def callback_address(step: Callable[..., int], name: str, sizes: Sizes) -> int:
                 raise OverflowError(f"the step returns {returned}")
             return int(returned)
         except BaseException as error:  # ctypes would ignore any exception that passes on
-            report_failure(name, error)
-            return FAILED
+            CompiledStep.report(name, error)
+            return CompiledStep.FAILED
 
     function = _STEP(call)
     _CALLBACKS.append(function)

@@ -11,11 +11,12 @@ import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import NamedTuple
 
 from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
 from cranectl.design import Origin
-from cranectl.support import InputError, checks_arguments, loaded, open_input, replacing, syntax_of
+from cranectl.support import Arguments, InputError, Provenance, open_input, replacing
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
@@ -91,7 +92,7 @@ class ControllerFile(NamedTuple):
 
 
 def _code(name: str, content: bytes) -> bytes:
-    return syntax_of(content) if name.endswith(".py") else content
+    return Provenance.syntax_of(content) if name.endswith(".py") else content
 
 
 def _part(folder: Path, name: str) -> bytes:
@@ -144,7 +145,7 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", parted.lower()).strip("-")
 
 
-@checks_arguments
+@Arguments.checked
 def open_controller(reference: str) -> str:
     """Register the controller of a file, or of another process, with this process.
 
@@ -248,7 +249,7 @@ def _opened(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     controller: Controller
     opened: ControllerFile
     try:
-        controller, opened = loaded(LOADERS[ending])(file)
+        controller, opened = resolve_name(LOADERS[ending])(file)
         if OPEN.registered.get(controller.name) is controller:  # the file may say so itself
             del OPEN.registered[controller.name]
     finally:

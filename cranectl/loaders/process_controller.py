@@ -30,16 +30,7 @@ from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
-from cranectl.support import (
-    Array,
-    InputError,
-    Timeout,
-    check_name,
-    in_background,
-    parse_toml,
-    starting,
-    users_environment,
-)
+from cranectl.support import Array, InputError, Parent, Program, SafePath, in_background, parse_toml
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
@@ -85,7 +76,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     settings = ProcessSettings.from_table(table, file.reference)
     if not file.companions:  # a worker process already has these files
         file = _with_named_files(settings, file)
-    check_name("controller", settings.name)
+    InputError.check_name("controller", settings.name)
     connect = _connector(settings, file)
     memory = MEMORY.array(reported=np.zeros(len(settings.logged)))
     missed = Signal("missed", "missed", "", "samples without an answer in time, so far")
@@ -157,9 +148,9 @@ def _step(settings: ProcessSettings, connect: "Callable[[], _Program | _Datagram
         connection.send(request.pack(sequence, *measured[:count], *reference[:REFERENCE_WIDTH]))
         deadline = settings.deadline if sequence > 0 else None
         limit = deadline or (ANSWER_TIMEOUT if sequence > 0 else START_TIMEOUT)
-        timeout = Timeout(UNKNOWN if deadline else connection.process, limit)
-        with starting() if sequence == 0 else nullcontext():
-            received = timeout.wait_for(partial(_answer, connection, answer, sequence))
+        pid = UNKNOWN if deadline else connection.process
+        with Parent.starting() if sequence == 0 else nullcontext():
+            received = Program.wait_for(pid, limit, partial(_answer, connection, answer, sequence))
         if received is not None:
             memory[MEMORY.last_command :] = received
         elif deadline is not None:
@@ -258,7 +249,7 @@ class _Program:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            env=users_environment(),
+            env=SafePath.users_environment(),
         )
         self.process = self._process.pid
         assert self._process.stdin is not None

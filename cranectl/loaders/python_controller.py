@@ -12,6 +12,7 @@ import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -31,17 +32,7 @@ from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
-from cranectl.support import (
-    Array,
-    InputError,
-    address_of,
-    contained,
-    describe_error,
-    is_whole,
-    reported_when_slow,
-    shown,
-    why_not_compiled,
-)
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
@@ -86,14 +77,14 @@ def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     sys.modules[module.__name__] = module
     linecache.checkcache(str(path))
     try:
-        with contained(), imports.running(), reported_when_slow(f"{file.reference} has been loading"):
+        with ForeignCode.contained(f"{file.reference} has been loading"), imports.running():
             exec(compile(file.content, str(path), "exec"), module.__dict__)
         return module, file.with_companions(imports.folder, imports.files_read(path))
     except (InputError, KeyboardInterrupt):  # about a wrong declaration
         raise
     except BaseException as error:
         raise InputError(
-            f"{_where(error, path)}: {describe_error(error)}".replace(f"{imports.package}.", ""),
+            f"{_where(error, path)}: {InputError.describe(error)}".replace(f"{imports.package}.", ""),
             allowed="a file that Python can run",
             remedy="correct it",
         ) from error
@@ -163,7 +154,7 @@ def _number(owner: Any, key: Any, value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(
-            f"{owner}.parameters: {key} = {shown(value)}",
+            f"{owner}.parameters: {key} = {InputError.shown(value)}",
             allowed="a number",
             remedy="give the number that it has by default",
         ) from None
@@ -173,15 +164,15 @@ def _memory(owner: Any, start: Any) -> Array:
     """Return the memory at the start of a run; raise InputError if `start` does not describe one."""
     if isinstance(start, Slots):
         return start.array()
-    if is_whole(start, 0, MAX_MEMORY):
-        return np.zeros(start)
+    if isinstance(start, Integral) and not isinstance(start, bool) and 0 <= int(start) <= MAX_MEMORY:
+        return np.zeros(int(start))
     try:
         memory = real_numbers(start)
         if np.ndim(start) == 0:
             raise TypeError
     except (TypeError, ValueError, MemoryError):
         raise InputError(
-            f"{owner}.memory = {shown(start)}",
+            f"{owner}.memory = {InputError.shown(start)}",
             allowed=f"how many numbers it has, 0 to {MAX_MEMORY}, or a list of those that it starts with",
             remedy="give one of the two",
         ) from None
@@ -191,10 +182,10 @@ def _memory(owner: Any, start: Any) -> Array:
 def _callable(controller: Controller, file: ControllerFile) -> Controller:
     """Return the controller; if Numba cannot compile its step, warn and let Python run it."""
     try:
-        with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
-            address_of(controller.step)
+        with ForeignCode.reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
+            CompiledStep.address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
-        said, where = why_not_compiled(controller.step, error)
+        said, where = CompiledStep.why_not(controller.step, error)
         if multiprocessing.parent_process() is None:  # workers would repeat the warning
             print(
                 f"cranectl: {file.reference} is called back from the compiled loop, some microseconds a "

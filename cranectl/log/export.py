@@ -21,16 +21,7 @@ from numpy.typing import NDArray
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import REFERENCE, Signal
 from cranectl.simulate import Run
-from cranectl.support import (
-    Array,
-    Extensions,
-    FileKind,
-    InputError,
-    Mask,
-    matching,
-    replacing,
-    writing,
-)
+from cranectl.support import Array, Extensions, FileKind, InputError, Mask, replacing, writing
 
 # Replaces the header of SciPy, which has the date, so that the same run gives the same bytes. The format
 # requires 116 bytes.
@@ -99,10 +90,7 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
     columns = {column.name: column for column in result}
     chosen: set[str] = set()
     for pattern in patterns or ("*",):
-        matched = matching(pattern, columns)
-        if not matched:
-            raise InputError.unmatched(pattern, columns)
-        chosen.update(matched)
+        chosen.update(InputError.matching(pattern, columns))
     return ExportTable(
         time=time_ns / NANOSECONDS,
         columns=tuple(column for name, column in columns.items() if name in chosen),

@@ -21,7 +21,7 @@ from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import REFERENCE, Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
-from cranectl.support import InputError, LogError, leaves, parse_json, provenance
+from cranectl.support import InputError, LogError, Provenance, leaves, parse_json
 
 FORMAT, WITHOUT_REFERENCE = "2", "3"  # written for runs with a reference, and for runs without
 FORMATS = (FORMAT, WITHOUT_REFERENCE)  # that can be read
@@ -224,7 +224,7 @@ def file_metadata(runs: Sequence[Run], every: int) -> dict[str, dict[str, str]]:
             "plants": ",".join(run.plant for run in runs),
             "every": str(every),
         },
-        "versions": provenance(),
+        "versions": Provenance.now(),
     }
     for entry in (PLANTS.entry(run.plant) for run in runs):
         if not entry.is_own:  # so that the log can be read where its package is not installed

@@ -16,7 +16,7 @@ from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
 from cranectl.signals import REFERENCE, SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import PROCESSOR_ROUNDING, difference_text, provenance
+from cranectl.support import PROCESSOR_ROUNDING, Provenance, difference_text
 
 MIN_DISTANCE = 1e-14  # [m, rad] least logged distance: the size of rounding, so that logarithms exist
 
@@ -29,7 +29,7 @@ def streams(
     Plants are judged by `limits`, by default those of `judge`. `versions` are those of the software that made
     the runs, by default the installed one.
     """
-    result = [run_info(runs, versions or provenance()), design_info(runs[0].design)]
+    result = [run_info(runs, versions or Provenance.now()), design_info(runs[0].design)]
     result.append(log_lines(event for run in runs for event in events(run)))
     result += [status(run.plant, status_changes(run)) for run in runs]
     result += samples(runs)

@@ -27,7 +27,7 @@ from cranectl.mcap_columns import (
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, LogError, check_sum, checks_arguments, nearest_first
+from cranectl.support import Arguments, Array, InconsistentError, InputError, LogError
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
@@ -44,7 +44,7 @@ class TopicSamples(NamedTuple):
     values: Array  # (N, signals)
 
 
-@checks_arguments
+@Arguments.checked
 def read_log(path: str | Path) -> dict[str, Run]:
     """Read the runs in a log, at the logged rate.
 
@@ -79,7 +79,7 @@ def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader,
         return runs
 
 
-@checks_arguments
+@Arguments.checked
 def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
     """Read one signal of a log, without decoding the others.
 
@@ -110,7 +110,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         known = _signals(contents)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
-            raise InputError.unknown("signal", name, nearest_first(name, names)[:SHOWN_NEAR_SIGNALS])
+            raise InputError.unknown("signal", name, InputError.nearest(name, names, SHOWN_NEAR_SIGNALS))
         column = columns[_channels_of(contents, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
@@ -314,7 +314,9 @@ class LogDescription:
 
     def __post_init__(self) -> None:
         """Raise InconsistentError if the messages of the topics do not add up."""
-        check_sum("the number of messages", self.messages, [topic.messages for topic in self.topics])
+        InconsistentError.check_sum(
+            "the number of messages", self.messages, [topic.messages for topic in self.topics]
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return the description as plain data."""

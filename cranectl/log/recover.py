@@ -28,7 +28,7 @@ from cranectl.mcap_columns import (
 )
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import LogError, provenance
+from cranectl.support import LogError, Provenance
 
 PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # name of an unfinished file by `files.replacing`
 
@@ -172,7 +172,7 @@ def _streams(header: LogHeader, found: Iterable[Stream], runs: Mapping[str, Run]
     signals = header.groups().keys() - {topics.REFERENCE_LOAD}
     verdicts = {topics.difference_topic(topics.VERDICT, plant) for plant in ("", *runs)}
     changes = {topics.LOG, *(topics.plant_topic(plant, "status") for plant in runs)}
-    versions = None if header.versions == provenance() else header.versions  # None keeps the usual order
+    versions = None if header.versions == Provenance.now() else header.versions  # None keeps the usual order
     new = {stream.topic: stream for stream in streams(list(runs.values()), versions=versions)}
     saved = {stream.topic: _cut(stream, runs) for stream in found}
     ends = [run.end_ns for run in runs.values()]

@@ -25,15 +25,7 @@ from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
-from cranectl.support import (
-    FileKind,
-    InputError,
-    LogError,
-    check_whole,
-    checks_arguments,
-    interrupts_wait,
-    replacing,
-)
+from cranectl.support import Arguments, FileKind, InputError, Interruption, LogError, replacing
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario
@@ -47,7 +39,7 @@ def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = F
     FileKind.MCAP.check_place(path, inputs=inputs, option="--out", at_once=at_once)
 
 
-@checks_arguments
+@Arguments.checked
 def write_log(
     path: str | Path, runs: Sequence[Run], *, every: int | None = None, limits: PairLimits | None = None
 ) -> Path:
@@ -81,7 +73,9 @@ def write_log(
         raise InputError("no run to write", allowed="one or more runs", remedy="simulate a run first")
     if every is None:
         every = runs[0].scenario.log.every
-    check_whole("every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged")
+    InputError.check_whole(
+        "every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged"
+    )
     check_writable(path, at_once=True)
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path
@@ -114,7 +108,7 @@ def write_container(
     context = foxglove.Context()
     part = None
     try:
-        with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
+        with Interruption.delayed(), replacing(path, keep_after=FAILURES) as part:
             with KeptError(part) as target, open_file(target, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)

@@ -8,20 +8,18 @@ import importlib
 import os
 import weakref
 from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 from cranectl.support import (
-    ChildError,
+    Child,
     InputError,
     MachineError,
+    Parent,
     ReadColumn,
     TableHead,
     format_of,
     reported,
-    requests,
-    spawn_child,
 )
 
 SMALL_FILE = 2**26  # [bytes] up to which the next two limits hold; those of larger files grow in proportion
@@ -55,7 +53,7 @@ class _Process:
         self._memory, self._seconds = int(share * MAX_READER_BYTES), int(share * MAX_PROCESSOR_TIME)
         with path.open("rb") as stream:
             kind = format_of(stream.read(16)) or "a MATLAB file of version 4"
-        self._child = spawn_child(_serve, where, kind, tuple(libraries), (self._memory, self._seconds))
+        self._child = Child.spawn(_serve, where, kind, tuple(libraries), (self._memory, self._seconds))
         weakref.finalize(self, self._child.end)
 
     def ask(self, *question: Any) -> Any:
@@ -63,7 +61,7 @@ class _Process:
         try:
             self._child.send(question)
             return self._child.receive(MAX_SILENCE)
-        except ChildError as error:
+        except Child.Error as error:
             if error.is_killed:
                 raise MachineError.of(f"the process that reads {self._where} was killed") from None
             is_slow = error.is_silent or "SIGXCPU" in str(error)
@@ -84,9 +82,7 @@ def _refusal(where: str, why: str, memory: int, seconds: int) -> InputError:
     )
 
 
-def _serve(
-    connection: Connection, where: str, kind: str, libraries: Sequence[str], limits: tuple[int, int]
-) -> None:
+def _serve(parent: Parent, where: str, kind: str, libraries: Sequence[str], limits: tuple[int, int]) -> None:
     """Answer the questions of the parent: first what the file holds, then columns."""
     os.environ.update(ENVIRONMENT)
     null = os.open(os.devnull, os.O_WRONLY)
@@ -99,11 +95,11 @@ def _serve(
     _limit(memory, seconds)
     too_large = _refusal(where, f"needs more than {memory / 2**30:.3g} GiB of memory", memory, seconds)
     answer = _Answers(where, kind)
-    for question in requests(connection):
+    for question in parent.requests():
         try:
-            connection.send(answer(*question))
+            parent.send(answer(*question))
         except MemoryError:  # before anything was sent
-            connection.send(too_large)
+            parent.send(too_large)
 
 
 class _Answers:

@@ -13,7 +13,7 @@ from cranectl.scenario import NANOSECONDS
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import Array, checks_arguments
+from cranectl.support import Arguments, Array
 
 NEARLY_SLACK = 0.15  # tension over the load's weight, below which the rope is drawn as nearly slack
 OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # JSON has these by axis instead
@@ -74,7 +74,7 @@ class RunMetrics:
         }
 
 
-@checks_arguments
+@Arguments.checked
 def run_metrics(run: Run) -> RunMetrics | None:
     """Compute the metrics of a run over its recorded samples.
 

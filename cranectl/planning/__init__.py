@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cranectl.scenario import Scenario, read_scenario, scenario_file
-from cranectl.support import checks_arguments
+from cranectl.support import Arguments
 
 
-@checks_arguments
+@Arguments.checked
 def load_scenario(
     name_or_path: str | Path, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
 ) -> Scenario:

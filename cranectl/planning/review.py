@@ -14,7 +14,7 @@ from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
 from cranectl.reference import PLANNED_DEGREE, end_point, geometry_of, parts_of, spline
 from cranectl.scenario import Arc, BlendedPath, Line, Scenario, Segment, Spline
-from cranectl.support import Array, check_ascending
+from cranectl.support import Array, InconsistentError
 
 ACTIVE_SHARE = 0.98  # of a limit, above which it counts as active
 TIME_ROUNDING = 1e-3  # relative; a plan may exceed limits by the tolerance of its proof
@@ -189,7 +189,9 @@ def _review(
 def check_duration(least: float, duration: float, request: str) -> None:
     """Raise InconsistentError for a motion that is faster than the drives alone."""
     bound = ("the least time of the drives without a load", least)
-    check_ascending(bound, (f"the planned duration of {request}", duration), rounding=TIME_ROUNDING)
+    InconsistentError.check_ascending(
+        bound, (f"the planned duration of {request}", duration), rounding=TIME_ROUNDING
+    )
 
 
 def _marked_points(segment: Segment, start: Array) -> Array:

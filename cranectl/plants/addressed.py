@@ -13,21 +13,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from cranectl.plants.plant import Kernels, Plant
-from cranectl.support import (
-    UNCOMPILED,
-    Array,
-    array_at,
-    jit,
-    jit_address,
-    jit_object,
-    packed,
-    type_of,
-    unpacker,
-)
+from cranectl.support import Array, Block, CompiledStep, Specialised, jit
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
 MEASURE, ADVANCE = 0, 1
+array_at = Block.array_at  # compiled code looks up no members
 
 
 class AddressedPlant(NamedTuple):
@@ -41,9 +32,10 @@ class AddressedPlant(NamedTuple):
 def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
     """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
     warned = np.zeros(1, dtype=np.int64)
-    if UNCOMPILED:
+    if CompiledStep.UNCOMPILED:
         return AddressedPlant(cast(Any, kernels), handle, warned)
-    return AddressedPlant(_address(kernels, type_of(handle)), packed(handle), warned)
+    block = Block(handle)
+    return AddressedPlant(_address(kernels, block.kind), block.numbers, warned)
 
 
 @functools.cache
@@ -51,15 +43,15 @@ def _address(kernels: Kernels, kind: Any) -> int:
     """Compile `_step` with `kernels` for handles of type `kind`; return its address. Both name it on disk."""
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
-    return jit_address(_step, name, _ARGUMENTS, unpack=unpacker(kind), **kernels._asdict())
+    return Specialised(_step, name, unpack=Block.unpacker(kind), **kernels._asdict()).address(_ARGUMENTS)
 
 
 def plant_object(plant: Plant, name: str) -> bytes:
     """Return an object file with the function `name` that `_address` compiles, for use without Python."""
     if plant.kernels is None:
         raise TypeError(f"the {plant.name} plant has no kernels")
-    unpack = unpacker(type_of(plant.handle))
-    return jit_object(_step, name, _ARGUMENTS, unpack=unpack, **plant.kernels._asdict())
+    unpack = Block.unpacker(Block(plant.handle).kind)
+    return Specialised(_step, name, unpack=unpack, **plant.kernels._asdict()).object_code(_ARGUMENTS)
 
 
 # `_address` replaces these names by the kernels of a plant when it compiles `_step`.
@@ -115,7 +107,7 @@ def _call_uncompiled(kernels, handle, action, state, *command_to_load):
     return int(kernels.warnings(handle))
 
 
-if UNCOMPILED:
+if CompiledStep.UNCOMPILED:
     _call = _call_uncompiled
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from pkgutil import resolve_name
 
 from cranectl.plants.registry import (
     MAX_PLANT_LABEL,
@@ -13,7 +14,7 @@ from cranectl.plants.registry import (
     PlantEntry,
 )
 from cranectl.scenario import RigParameters
-from cranectl.support import InputError, check_free, check_name, loaded
+from cranectl.support import InputError
 
 MODEL_ENDING = ".xml"
 LACKED = (
@@ -62,8 +63,7 @@ def plant_named(name: str) -> str:
     arguments = {"file": str(path.resolve()), "name": name}
     if name in PLANTS.model_files and PLANTS[name].arguments["file"] == arguments["file"]:
         return name
-    check_name("plant", name)
-    check_free("plant", name, PLANTS)
+    InputError.check_name("plant", name, taken=PLANTS)
     used = [entry.colour for entry in PLANTS.values()]
     PLANTS[name] = PlantEntry(
         name,
@@ -88,7 +88,7 @@ def examine(name: str, rig: RigParameters) -> PlantEntry:
     entry = PLANTS.entry(plant_named(name))
     if not entry.is_model_file:
         return entry
-    complete: PlantEntry = loaded("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
+    complete: PlantEntry = resolve_name("cranectl.plants.mujoco.own_plant:examined")(entry, rig.plant.names)
     if complete != entry:
         PLANTS[entry.name] = complete
     return PLANTS[entry.name]

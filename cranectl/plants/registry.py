@@ -9,22 +9,12 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from pkgutil import resolve_name
 from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario import EFFECTS
-from cranectl.support import (
-    COLOURS,
-    VIEWER,
-    Extensions,
-    InputError,
-    check_fields,
-    check_free,
-    check_name,
-    checks_arguments,
-    loaded,
-    source_digests,
-)
+from cranectl.support import COLOURS, VIEWER, Arguments, Extensions, InputError, Provenance
 
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
@@ -100,8 +90,8 @@ class PlantEntry:
     digest: str = ""
 
     def __post_init__(self) -> None:
-        check_name("plant", self.name)
-        check_fields(self)
+        InputError.check_name("plant", self.name)
+        Arguments.check_fields(self)
         if not 0 < len(self.label) <= MAX_PLANT_LABEL or not self.label.isprintable():
             raise InputError(
                 f"the label {self.label[:MAX_PLANT_LABEL]!r} of the plant {self.name}",
@@ -205,7 +195,7 @@ class PlantEntry:
     def load(self) -> Callable[..., Plant]:
         """Return the class of the plant, imported now; raise InputError as `check_installed` does."""
         self.check_installed()
-        plant: type[Plant] = loaded(self.where)
+        plant: type[Plant] = resolve_name(self.where)
         return functools.partial(plant, **self.arguments) if self.arguments else plant
 
 
@@ -289,7 +279,7 @@ class Plants(MutableMapping[str, PlantEntry]):
         """Return the digests of plants from other packages and from model files, as `provenance` has them."""
         entries = [self[name] for name in names if name in self]
         models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
-        return source_digests({entry.where.partition(":")[0] for entry in entries}) | models
+        return Provenance.sources_of({entry.where.partition(":")[0] for entry in entries}) | models
 
     @property
     def model_files(self) -> dict[str, PlantEntry]:
@@ -348,7 +338,7 @@ PLANTS = Plants(
 )
 
 
-@checks_arguments
+@Arguments.checked
 def register_plant(entry: PlantEntry) -> None:
     """Make a plant known to this process.
 
@@ -364,7 +354,7 @@ def register_plant(entry: PlantEntry) -> None:
     InputError
         If its name is taken.
     """
-    check_free("plant", entry.name, PLANTS)
+    InputError.check_name("plant", entry.name, taken=PLANTS)
     PLANTS[entry.name] = entry
 
 

@@ -11,7 +11,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.report.page import Fact
 from cranectl.scenario import Scenario
-from cranectl.support import FINGERPRINT_DIGITS, fingerprints, provenance
+from cranectl.support import Provenance
 
 PATH_SAMPLES = 2001  # of a reference whose length is shown
 TONNE = 1000.0  # [kg] from which on a mass is shown in tonnes
@@ -28,7 +28,7 @@ def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Ite
     controllers = ALL_CONTROLLERS.digests(dict.fromkeys(case.controller for case in validation.cases))
     remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, controllers.items())])
     yield Fact("Digest", input_digest(validation, controllers), remark)
-    versions = provenance()
+    versions = Provenance.now()
     yield Fact("cranectl", versions["cranectl"], f"sources {versions['sources']}")
 
 
@@ -41,13 +41,13 @@ def masses_of(scenario: Scenario) -> tuple[str, str]:
 
 def input_digest(validation: Validation, controllers: Mapping[str, str]) -> str:
     """Return a digest of all that was judged: scenarios, controllers, drives, plants and this program."""
-    digest = hashlib.sha256(json.dumps(fingerprints(), sort_keys=True).encode())
+    digest = hashlib.sha256(json.dumps(Provenance.fingerprints(), sort_keys=True).encode())
     texts = {id(case.scenario): case.scenario.model_dump_json() for case in validation.cases}
     for case in validation.cases:
         own = controllers.get(f"law {case.controller}", "")
         judged = texts[id(case.scenario)], case.controller, own, case.drive, *case.plants
         digest.update(json.dumps(judged).encode())
-    return digest.hexdigest()[:FINGERPRINT_DIGITS]
+    return digest.hexdigest()[: Provenance.DIGITS]
 
 
 def mass_text(mass: float) -> str:

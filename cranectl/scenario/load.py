@@ -11,17 +11,7 @@ from cranectl.scenario.run_settings import controller_table
 from cranectl.scenario.scenario import ReferenceSettings, Scenario
 from cranectl.scenario.settings import override
 from cranectl.scenario.similarity import completed_rig, completed_scenario
-from cranectl.support import (
-    Array,
-    InputError,
-    Shipped,
-    Table,
-    is_path,
-    is_plain,
-    leaves,
-    merged,
-    read_toml,
-)
+from cranectl.support import Array, InputError, Shipped, Table, is_plain, leaves, merged, read_toml
 
 
 def scenario_names() -> list[str]:
@@ -81,7 +71,7 @@ def _place_model(rig: Table, directory: Path) -> None:
 
 def rig_place(name_or_path: str, directory: Path) -> Path:
     """Return the rig that a file in `directory` names, as an argument for `load_rig`."""
-    return directory / name_or_path if is_path(name_or_path) else Path(name_or_path)
+    return directory / name_or_path if Shipped.is_path(name_or_path) else Path(name_or_path)
 
 
 def load_rig(name_or_path: str | Path) -> RigParameters:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
 
-from cranectl.support import MAX_DEPTH, InputError, Table, assign, did_you_mean, mapped, printable, toml_value
+from cranectl.support import MAX_DEPTH, InputError, Table, assign, mapped, printable, toml_value
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _explain(model: type[BaseModel], details: ErrorDetails, assigned: _Assigned)
         parent = _model_at(model, location[:-1])
         fields = parent.model_fields if parent is not None else {}
         known = [field.alias or name for name, field in fields.items()]
-        remedy = did_you_mean(key, known) or f"remove '{where}'"
+        remedy = InputError.did_you_mean(key, known) or f"remove '{where}'"
         return f"unknown key '{where}'", ", ".join(known), remedy
     if details["type"] == "missing":
         return (

@@ -9,12 +9,11 @@ import mmap
 import os
 import sys
 from collections.abc import Callable, Iterator
-from multiprocessing.connection import Connection
 
 import numpy as np
 
 from cranectl.status import RunStatus
-from cranectl.support import Array, MachineError, printable
+from cranectl.support import Array, MachineError, Parent, printable
 
 CAN_FORK = hasattr(os, "fork")
 # [s] for a block by default, to end only controllers that hang: a predictive controller takes ten seconds for
@@ -47,20 +46,20 @@ def blocks_in_child(
     as `controller-failed`. Time that it waits for a processor or for a program to start does not count.
     Raises MachineError if the child is killed from outside, or lacks memory or disk space.
     """
-    from cranectl.support import ChildError, fork_child  # only for controllers from outside
+    from cranectl.support import Child  # only for controllers from outside
 
-    def work(connection: Connection) -> None:
+    def work(parent: Parent) -> None:
         libc = ctypes.CDLL(None)
         for report in blocks_here(advance, total):
             libc.fflush(None)  # text that the controller has printed in C
-            connection.send(report)
+            parent.send(report)
 
-    rows, status, child = 0, int(RunStatus.RUNNING), fork_child(work)
+    rows, status, child = 0, int(RunStatus.RUNNING), Child.fork(work)
     try:
         while rows < total and status == RunStatus.RUNNING:
             rows, end, status = child.receive(timeout)
             yield rows, end, status
-    except ChildError as error:
+    except Child.Error as error:
         if error.is_killed:
             raise MachineError.of(f"the run with {name} {error}, from outside") from None
         hint = "; --timeout allows more" if error.is_silent else ""

@@ -17,7 +17,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, Scenario
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
-from cranectl.support import InputError, leaves, matching
+from cranectl.support import InputError, leaves
 
 LAG = "rig.*_time_constant"
 OF_MODELS = ("rig.model", "rig.plant.names.*")
@@ -108,7 +108,7 @@ def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bo
     ):
         if name.startswith("disturbances."):  # the factor must be of the same disturbance
             factor = factor.replace("*", name.split(".")[1], 1)
-        names = matching(factor, zero)
+        names = [other for other in zero if fnmatchcase(other, factor)]
         if names and all(zero[other] for other in names):
             return f"{', '.join(names)} is 0 in all runs"
     return None

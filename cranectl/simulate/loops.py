@@ -36,7 +36,7 @@ from cranectl.simulate.actuation import (
 )
 from cranectl.simulate.signal_path import SignalPath, act, sense
 from cranectl.status import RunStatus
-from cranectl.support import Array, jit, jit_loop
+from cranectl.support import Array, Specialised, jit
 
 RUNNING = int(RunStatus.RUNNING)
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
@@ -194,13 +194,13 @@ class CompiledLoop:
 @functools.cache
 def shared_loop() -> Callable[..., tuple[int, int, int]]:
     """Return the loop that serves all plants with kernels."""
-    return jit_loop(
+    return Specialised(
         advance_block,
         "addressed",
         measure=measure_addressed,
         advance=advance_addressed,
         warnings=addressed_warnings,
-    )
+    ).loop()
 
 
 def measure(plant: Plant, state: Array) -> None:

@@ -15,7 +15,7 @@ from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
 from cranectl.simulate.run import Run
 from cranectl.simulate.runner import checked_drive, make_plant
 from cranectl.status import RunStatus
-from cranectl.support import Array, InputError, TakesTurns, check_whole, checks_arguments, shown
+from cranectl.support import Arguments, Array, InputError, TakesTurns
 
 DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
 MAX_STEPPED = 10**7  # samples in one step
@@ -179,7 +179,7 @@ class OpenRun(SteppedMemory):
         )
 
 
-@checks_arguments
+@Arguments.checked
 def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
     """Open a run without a controller, to be stepped by a program.
 
@@ -237,7 +237,9 @@ def begin(
         rest = scenario.reference.model_copy(update={"start": tuple(point.tolist()), "segments": ()})
         scenario = scenario.model_copy(update={"reference": rest})
     if seed is not None:
-        check_whole("seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn")
+        InputError.check_whole(
+            "seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn"
+        )
         draw = np.random.default_rng(seed)
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
         if state is None:
@@ -290,7 +292,7 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
     if numbers.shape != shape or len(bad):
         where = f", with {numbers[tuple(bad[0])]} at {bad[0].tolist()}" if len(bad) else ""
         raise InputError(
-            f"{what} = {shown(values)}, of shape {numbers.shape}{where}",
+            f"{what} = {InputError.shown(values)}, of shape {numbers.shape}{where}",
             allowed=f"finite numbers in the shape {shape}",
             remedy=f"give {' times '.join(map(str, shape))} numbers",
         )
@@ -299,4 +301,4 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
 
 def check_samples(samples: int) -> None:
     """Raise InputError unless `samples` is a whole number from 1."""
-    check_whole("samples", samples, 1, MAX_STEPPED, "how many control samples a step lasts")
+    InputError.check_whole("samples", samples, 1, MAX_STEPPED, "how many control samples a step lasts")

@@ -28,21 +28,7 @@ from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
 from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
-from cranectl.support import (
-    UNCOMPILED,
-    Array,
-    InputError,
-    checked,
-    checks_arguments,
-    jit,
-    jit_address,
-    jit_loop,
-    packed,
-    pointer_after,
-    shown,
-    type_of,
-    unpacker,
-)
+from cranectl.support import Arguments, Array, Block, CompiledStep, InputError, Specialised, jit
 
 MAX_CRANES = 100_000  # that a program steps together
 
@@ -127,7 +113,9 @@ class OpenRuns(SteppedMemory):
         """
         chosen = self._chosen(cranes)
         starts = [
-            [None] * len(chosen) if values is None else list(checked(name, values, Iterable[Any] | None))
+            [None] * len(chosen)
+            if values is None
+            else list(Arguments.check(name, values, Iterable[Any] | None))
             for name, values in (("states", states), ("seeds", seeds), ("targets", targets))
         ]
         if any(len(values) != len(chosen) for values in starts):
@@ -232,7 +220,7 @@ class OpenRuns(SteppedMemory):
             or not set(chosen) <= set(range(count))
         ):
             raise InputError(
-                f"cranes = {shown(cranes)}",
+                f"cranes = {InputError.shown(cranes)}",
                 allowed=f"different numbers from 0 to {count - 1}, or {count} times True or False",
                 remedy="name the cranes that begin again",
             )
@@ -247,7 +235,7 @@ class OpenRuns(SteppedMemory):
         self._references[i] = loop.plan.reference
         self._clock[i], self._status[i], self._loads[i] = 0, RUNNING, np.nan
         plant.measure(self._states[i])
-        is_compiled = isinstance(loop.block, CompiledLoop) and not UNCOMPILED
+        is_compiled = isinstance(loop.block, CompiledLoop) and not CompiledStep.UNCOMPILED
         self._cranes[i] = crane = Crane(
             plant=cast(CompiledLoop, loop.block).plant if is_compiled else plant,
             inputs=loop.inputs._replace(reference=reference, disturbance=disturbance, wind=wind),
@@ -263,10 +251,11 @@ class OpenRuns(SteppedMemory):
             state=self._states[i],
             load=self._loads[i],
         )
-        self._blocks[i] = (type_of(crane), packed(crane)) if is_compiled else (None, np.zeros(0))
+        block = Block(crane) if is_compiled else None
+        self._blocks[i] = (block.kind, block.numbers) if block else (None, np.zeros(0))
 
 
-@checks_arguments
+@Arguments.checked
 def open_runs(
     scenarios: Iterable[Scenario], *, plant: str = REFERENCE_PLANT, drive: str = "ideal"
 ) -> OpenRuns:
@@ -352,6 +341,7 @@ def advance_crane(crane, samples):
 
 # `_compiled` replaces this name by a function that reads a crane from its block.
 unpack: Any = None
+pointer_after = Block.pointer_after  # compiled code looks up no members
 
 
 def _advance_all(blocks, words, cranes, samples):
@@ -364,8 +354,10 @@ def _advance_all(blocks, words, cranes, samples):
 @functools.cache
 def _compiled(kind: Any) -> Any:
     """Compile `_advance_all` for cranes of Numba's type `kind`."""
-    advance = jit_loop(advance_crane, "compiled", advance_block=shared_loop(), measure=measure_addressed)
+    callees = {"advance_block": shared_loop(), "measure": measure_addressed}
+    advance = Specialised(advance_crane, "compiled", **callees).loop()
     arguments = (types.CPointer(types.float64), *[types.int64] * 3)
     name = hashlib.sha256(str(kind).encode()).hexdigest()[:16]
-    address = jit_address(_advance_all, name, arguments, unpack=unpacker(kind), advance_crane=advance)
+    whole = Specialised(_advance_all, name, unpack=Block.unpacker(kind), advance_crane=advance)
+    address = whole.address(arguments)
     return ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, *[ctypes.c_int64] * 3)(address)

@@ -22,11 +22,10 @@ from cranectl.simulate.loop import Loop, Progress
 from cranectl.simulate.memory import check_runs
 from cranectl.simulate.plan import Plan, PlannedReference, plan_reference, plan_run
 from cranectl.simulate.run import Run
-from cranectl.support import InputError, checks_arguments, renamed_arguments
+from cranectl.support import Arguments, InputError
 
 
-@renamed_arguments(known="nominal", law="compiled_controller", patience="timeout")
-@checks_arguments
+@Arguments.checked
 def simulate_run(
     scenario: Scenario,
     *,

@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from cranectl.support.errors import InputError, shown
+from cranectl.support.errors import InputError
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -25,83 +25,6 @@ WORDS = {
 ACCEPTED: dict[Any, Any] = {Path: os.PathLike, bool: (bool, np.bool_)}  # in place of the annotated class
 LISTS = (collections.abc.Sequence, collections.abc.Iterable)
 MAX_NUMBER = 10**308  # about the largest whole number that floating point can hold
-
-
-def checks_arguments(function: Callable[P, Result]) -> Callable[P, Result]:
-    """Let `function` raise InputError for an argument that is not of the annotated kind.
-
-    Classes, unions of them, and items of lists are checked, those of an iterator when they are taken. An
-    iterator becomes a list where a sequence is annotated. Missing and unknown arguments raise TypeError, as
-    in any function of Python.
-    """
-    signature = inspect.signature(function)
-
-    @functools.cache
-    def hints() -> dict[str, Any]:  # at the first call: they may name classes that are defined later
-        return typing.get_type_hints(function)
-
-    @functools.wraps(function)
-    def checking(*args: P.args, **kwargs: P.kwargs) -> Result:
-        try:
-            bound = signature.bind(*args, **kwargs)
-        except TypeError:
-            return function(*args, **kwargs)
-        for name, value in bound.arguments.items():
-            if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
-                bound.arguments[name] = {k: checked(k, item, hints()[name]) for k, item in value.items()}
-            else:
-                bound.arguments[name] = checked(name, value, hints()[name])
-        return function(*bound.args, **bound.kwargs)
-
-    return checking
-
-
-def checked(name: str, value: Any, hint: Any) -> Any:
-    """Return `value`, or its items as they are checked; raise InputError if it is not of the kind `hint`."""
-    is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
-    kinds = typing.get_args(hint) if is_union else (hint,)
-    for kind in kinds:
-        of = typing.get_origin(kind) or kind
-        if of in LISTS:
-            is_single = isinstance(value, str | bytes) or (isinstance(value, np.ndarray) and not value.ndim)
-            if is_single or not isinstance(value, collections.abc.Iterable):
-                continue
-            (item_kind,) = typing.get_args(kind)
-            is_sized = isinstance(value, collections.abc.Sized)
-            items = (checked(f"{name}[{k}]", item, item_kind) for k, item in enumerate(value))
-            if of is collections.abc.Iterable and not is_sized:
-                return items  # which may have no end
-            checked_items = list(items)
-            return value if is_sized else checked_items
-        if _is_of(value, of):
-            return value
-    raise InputError(
-        f"{name} = {shown(value)}",
-        allowed=" or ".join(dict.fromkeys(map(_in_words, kinds))),
-        remedy=f"give {name} such a value",
-    )
-
-
-def check_fields(declared: Any) -> None:
-    """Raise InputError unless each field of a dataclass is of the annotated kind."""
-    hints = typing.get_type_hints(type(declared))
-    for field in dataclasses.fields(declared):
-        checked(f"{type(declared).__name__}.{field.name}", getattr(declared, field.name), hints[field.name])
-
-
-def is_whole(value: Any, lowest: int, highest: int) -> bool:
-    """Return True if `value` is a whole number in the range, of Python or NumPy, but not a bool."""
-    return isinstance(value, Integral) and not isinstance(value, bool) and lowest <= int(value) <= highest
-
-
-def check_whole(what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
-    """Raise InputError unless `value` is a whole number in the range."""
-    if not is_whole(value, lowest, highest):
-        raise InputError(
-            f"{what} = {shown(value)}",
-            allowed=f"a whole number from {lowest} to {highest}",
-            remedy=f"give {meaning}",
-        )
 
 
 def _is_of(value: Any, kind: Any) -> bool:
@@ -120,3 +43,75 @@ def _in_words(kind: Any) -> str:
         (item,) = typing.get_args(kind)
         return "a list" if item is Any else f"a list, each item {_in_words(item)}"
     return WORDS.get(of) or f"a {getattr(of, '__name__', of)}"
+
+
+class Arguments:
+    """Checks of arguments, and of fields of dataclasses, by their annotations."""
+
+    @staticmethod
+    def checked(function: Callable[P, Result]) -> Callable[P, Result]:
+        """Let `function` raise InputError for an argument that is not of the annotated kind.
+
+        Classes, unions of them, and items of lists are checked, those of an iterator when they are taken. An
+        iterator becomes a list where a sequence is annotated. Missing and unknown arguments raise TypeError,
+        as in any function of Python.
+        """
+        signature = inspect.signature(function)
+
+        @functools.cache
+        def hints() -> dict[str, Any]:  # at the first call: they may name classes that are defined later
+            return typing.get_type_hints(function)
+
+        @functools.wraps(function)
+        def checking(*args: P.args, **kwargs: P.kwargs) -> Result:
+            try:
+                bound = signature.bind(*args, **kwargs)
+            except TypeError:
+                return function(*args, **kwargs)
+            for name, value in bound.arguments.items():
+                if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+                    bound.arguments[name] = {
+                        k: Arguments.check(k, item, hints()[name]) for k, item in value.items()
+                    }
+                else:
+                    bound.arguments[name] = Arguments.check(name, value, hints()[name])
+            return function(*bound.args, **bound.kwargs)
+
+        return checking
+
+    @staticmethod
+    def check(name: str, value: Any, hint: Any) -> Any:
+        """Return `value`, or its items as they are checked; raise InputError unless it is of kind `hint`."""
+        is_union = typing.get_origin(hint) in (typing.Union, types.UnionType)
+        kinds = typing.get_args(hint) if is_union else (hint,)
+        for kind in kinds:
+            of = typing.get_origin(kind) or kind
+            if of in LISTS:
+                is_single = isinstance(value, str | bytes) or (
+                    isinstance(value, np.ndarray) and not value.ndim
+                )
+                if is_single or not isinstance(value, collections.abc.Iterable):
+                    continue
+                (item_kind,) = typing.get_args(kind)
+                is_sized = isinstance(value, collections.abc.Sized)
+                items = (Arguments.check(f"{name}[{k}]", item, item_kind) for k, item in enumerate(value))
+                if of is collections.abc.Iterable and not is_sized:
+                    return items  # which may have no end
+                checked_items = list(items)
+                return value if is_sized else checked_items
+            if _is_of(value, of):
+                return value
+        raise InputError(
+            f"{name} = {InputError.shown(value)}",
+            allowed=" or ".join(dict.fromkeys(map(_in_words, kinds))),
+            remedy=f"give {name} such a value",
+        )
+
+    @staticmethod
+    def check_fields(declared: Any) -> None:
+        """Raise InputError unless each field of a dataclass is of the annotated kind."""
+        hints = typing.get_type_hints(type(declared))
+        for field in dataclasses.fields(declared):
+            Arguments.check(
+                f"{type(declared).__name__}.{field.name}", getattr(declared, field.name), hints[field.name]
+            )

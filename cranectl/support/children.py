@@ -2,7 +2,7 @@
 
 A child is a forked process or a new Python process. It ignores the signals that stop a command, because its
 parent handles them. It ends when its parent ends. It leads a group of processes, so that all processes that
-it starts end with it. A foreign program only answers one question: see `answer_of_program`.
+it starts end with it. A foreign program only answers one question: see `Program`.
 """
 
 import contextlib
@@ -15,30 +15,23 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
-from cranectl.support.errors import (
-    MAX_PHRASE,
-    STARTING,
-    InputError,
-    describe_error,
-    printable,
-    report_machine_failure,
-    report_to_parent,
-    was_killed,
-)
-from cranectl.support.interrupts import SIGNALS, in_background
-from cranectl.support.search_path import forget_safe_path, safe_path
+from cranectl.support.errors import MAX_PHRASE, InputError, printable
+from cranectl.support.interrupts import Interruption, in_background
+from cranectl.support.parent import Parent
+from cranectl.support.search_path import SafePath
 
 MAX_WAIT = 3600.0  # [s] the longest single wait
 ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
 EXIT_INTERVAL = 0.01  # [s] between two checks whether a forked child has ended
+_KILLED = {-signal.SIGTERM, -getattr(signal, "SIGKILL", 9)}  # exit codes of a process killed from outside
 T = TypeVar("T")
 
 
@@ -73,25 +66,19 @@ def processor_wait(pid: int) -> float:
         return 0.0
 
 
-def describe_exit(code: int) -> str:
-    """Return in words the exit code of a process, -N after signal N."""
-    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
-
-
-class ChildError(Exception):
-    """A child process ended before it answered, or was ended because it did not answer in time."""
-
-    def __init__(self, exit_code: int | None, timeout: float) -> None:
-        """Describe how a child ended; `exit_code` is None if it did not answer within `timeout` [s]."""
-        silent = f"took more than {timeout:g} s for a block"
-        super().__init__(
-            silent if exit_code is None else f"ended its process with {describe_exit(exit_code)}"
-        )
-        self.is_silent, self.is_killed = exit_code is None, exit_code is not None and was_killed(exit_code)
-
-
 class Child:
     """A child process and this process's end of the pipe between them."""
+
+    class Error(Exception):
+        """A child process ended before it answered, or was ended because it did not answer in time."""
+
+        def __init__(self, exit_code: int | None, timeout: float) -> None:
+            """Describe how a child ended; `exit_code` is None if it did not answer within `timeout` [s]."""
+            silent = f"took more than {timeout:g} s for a block"
+            super().__init__(
+                silent if exit_code is None else f"ended its process with {_in_words(exit_code)}"
+            )
+            self.is_silent, self.is_killed = exit_code is None, exit_code in _KILLED
 
     def __init__(self, pid: int, connection: Connection, process: BaseProcess | None = None) -> None:
         """Hold a child process; `process` is None if it was forked here."""
@@ -99,8 +86,40 @@ class Child:
         self._exit_code: int | None = None
         self._is_starting = False  # whether a program is starting, which has no time limit
 
+    @classmethod
+    def spawn(
+        cls, work: Callable[..., None], *inputs: Any, context: BaseContext | None = None, daemon: bool = True
+    ) -> Self:
+        """Start a Python process that calls `work` with its `Parent` and `inputs`.
+
+        `context` says how the process starts, by default as a new Python process. A `daemon` ends with this
+        process, and `multiprocessing` does not let it start processes of its own.
+        """
+        context = context or multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        process = context.Process(target=_serve, args=(work, there, *inputs), daemon=daemon)  # type: ignore[attr-defined]
+        with SafePath():
+            process.start()
+        there.close()
+        return cls(process.pid, here, process)
+
+    @classmethod
+    def fork(cls, work: Callable[[Parent], None]) -> Self:
+        """Fork a process that calls `work` with its `Parent`; any error there only ends that process."""
+        here, there = multiprocessing.Pipe(duplex=False)
+        with warnings.catch_warnings():  # Python warns of other threads; the child needs none
+            warnings.simplefilter("ignore", DeprecationWarning)
+            pid = os.fork()
+        if pid == 0:
+            here.close()
+            _serve_forked(work, there)
+        there.close()
+        with contextlib.suppress(PermissionError, ProcessLookupError):
+            os.setpgid(pid, pid)  # parent and child both do this, because either may run first
+        return cls(pid, here)
+
     def send(self, message: Any) -> None:
-        """Send a message; raise ChildError if the process has ended."""
+        """Send a message; raise Child.Error if the process has ended."""
         try:
             self.connection.send(message)
         except OSError:
@@ -110,7 +129,7 @@ class Child:
         """Return the next message of the process.
 
         `timeout` is in seconds and excludes the time in which a program starts. `look` is called about every
-        `ASK_INTERVAL`. Raises ChildError if no message comes, and raises an InputError that the child sends.
+        `ASK_INTERVAL`. Raises Child.Error if no message comes, and raises an InputError that the child sends.
         """
 
         def is_there(seconds: float) -> bool:
@@ -125,13 +144,13 @@ class Child:
             try:
                 if not Timeout(self.pid, limit).wait_for(is_there, longest):
                     self.end()
-                    raise ChildError(None, timeout)
+                    raise Child.Error(None, timeout)
                 message = self.connection.recv()
             except (EOFError, OSError):
                 raise self._lost(timeout) from None
             if isinstance(message, InputError):
                 raise message
-            if message != STARTING:
+            if message != Parent.STARTING:
                 return message
             self._is_starting = not self._is_starting
 
@@ -147,12 +166,12 @@ class Child:
             pass
         self.connection.close()
 
-    def _lost(self, timeout: float) -> ChildError:
+    def _lost(self, timeout: float) -> Error:
         """Return how a process ended that has closed its pipe; kill it if it still runs."""
         Timeout(self.pid, timeout).wait_for(self._has_ended)
         code = self._exit_code  # read before `end`, which would change it
         self.end()
-        return ChildError(code, timeout)
+        return Child.Error(code, timeout)
 
     def _has_ended(self, seconds: float) -> bool:
         """Wait for some seconds for the process to end; return True once it has ended."""
@@ -168,37 +187,20 @@ class Child:
         return self._exit_code is not None
 
 
-def spawn_child(
-    work: Callable[..., None], *inputs: Any, context: BaseContext | None = None, daemon: bool = True
-) -> Child:
-    """Start a Python process that calls `work` with its end of the pipe and `inputs`.
-
-    `context` says how the process starts, by default as a new Python process. A `daemon` ends with this
-    process, and `multiprocessing` does not let it start processes of its own.
-    """
-    context = context or multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(work, there, *inputs), daemon=daemon)  # type: ignore[attr-defined]
-    with safe_path():
-        process.start()
-    there.close()
-    return Child(process.pid, here, process)
-
-
 def _serve(work: Callable[..., None], connection: Connection, *inputs: Any) -> None:
     """Run `work` in a process that was started by `multiprocessing`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    forget_safe_path()  # so that it starts scripts as its parent would
+    SafePath.forget()  # so that it starts scripts as its parent would
     _follow_parent(lambda: wait([parent.sentinel]))
-    work(connection, *inputs)
+    work(Parent(connection), *inputs)
 
 
 def _follow_parent(wait_for_end: Callable[[], object]) -> None:
     """Ignore signals, lead a process group, and end when `wait_for_end` returns."""
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
-    for number in SIGNALS:
+    for number in Interruption.SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
     def end() -> None:
@@ -208,32 +210,11 @@ def _follow_parent(wait_for_end: Callable[[], object]) -> None:
     in_background(end)
 
 
-def requests(connection: Connection) -> Iterator[Any]:
-    """Yield the messages of the parent until it sends None or closes its end."""
-    with contextlib.suppress(EOFError):
-        yield from iter(connection.recv, None)
-
-
-def fork_child(work: Callable[[Connection], None]) -> Child:
-    """Fork a process that calls `work` with its end of the pipe; any error there only ends that process."""
-    here, there = multiprocessing.Pipe(duplex=False)
-    with warnings.catch_warnings():  # Python warns of other threads; the child needs none
-        warnings.simplefilter("ignore", DeprecationWarning)
-        pid = os.fork()
-    if pid == 0:
-        here.close()
-        _serve_forked(work, there)
-    there.close()
-    with contextlib.suppress(PermissionError, ProcessLookupError):
-        os.setpgid(pid, pid)  # parent and child both do this, because either may run first
-    return Child(pid, here)
-
-
-def _serve_forked(work: Callable[[Connection], None], connection: Connection) -> None:
-    parent = os.getppid()
+def _serve_forked(work: Callable[[Parent], None], connection: Connection) -> None:
+    number = os.getppid()
 
     def wait_for_end() -> None:
-        while os.getppid() == parent:
+        while os.getppid() == number:
             threading.Event().wait(1.0)
 
     _follow_parent(wait_for_end)
@@ -241,45 +222,70 @@ def _serve_forked(work: Callable[[Connection], None], connection: Connection) ->
     with contextlib.suppress(OSError):  # standard error may be closed
         os.dup2(2, 1)  # standard output is reserved for results of the command
         sys.stdout = os.fdopen(2, "w", buffering=1, closefd=False)
-    report_to_parent(connection.send)
+    parent = Parent(connection)
+    parent.keep_informed()
     code = 1
     try:
-        work(connection)
+        work(parent)
         code = 0
     except Exception as error:
-        os.write(2, f"cranectl: {printable(describe_error(error), longest=MAX_PHRASE)}\n".encode())
-        report_machine_failure(error)
+        os.write(2, f"cranectl: {printable(InputError.describe(error), longest=MAX_PHRASE)}\n".encode())
+        Parent.report_machine_failure(error)
     finally:
         os._exit(code)
 
 
-def answer_of_program(
-    command: Sequence[str],
-    timeout: float,
-    *,
-    question: str = "",
-    environment: Mapping[str, str] | None = None,
-) -> tuple[int, str, str]:
-    """Return exit code, output and errors of a program that gets `question` as its input.
+def _in_words(code: int) -> str:
+    """Return in words the exit code of a process, -N after signal N."""
+    return signal.Signals(-code).name if code < 0 else f"exit code {code}"
 
-    Raises TimeoutError, and ends the program, if it takes more than `timeout` [s].
-    """
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        command, text=True, stdin=pipe, stdout=pipe, stderr=pipe, env=environment
-    ) as process:
-        unsent: str | None = question
 
-        def talk(seconds: float) -> tuple[str, str] | None:
-            nonlocal unsent
-            try:
-                return process.communicate(unsent, timeout=seconds)
-            except subprocess.TimeoutExpired:
-                unsent = None
-                return None
+class Program(NamedTuple):
+    """What a foreign program said that has ended."""
 
-        said = Timeout(process.pid, timeout).wait_for(talk)
-        if said is None:
-            process.kill()
-            raise TimeoutError
-        return process.returncode, *said
+    exit_code: int  # -N after signal N
+    output: str
+    errors: str
+
+    @property
+    def end(self) -> str:
+        """Return in words how it ended."""
+        return _in_words(self.exit_code)
+
+    @classmethod
+    def ask(
+        cls,
+        command: Sequence[str],
+        timeout: float,
+        *,
+        question: str = "",
+        environment: Mapping[str, str] | None = None,
+    ) -> Self:
+        """Return how a program ended that gets `question` as its input, and what it said.
+
+        Raises TimeoutError, and ends the program, if it takes more than `timeout` [s].
+        """
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            command, text=True, stdin=pipe, stdout=pipe, stderr=pipe, env=environment
+        ) as process:
+            unsent: str | None = question
+
+            def talk(seconds: float) -> tuple[str, str] | None:
+                nonlocal unsent
+                try:
+                    return process.communicate(unsent, timeout=seconds)
+                except subprocess.TimeoutExpired:
+                    unsent = None
+                    return None
+
+            said = Timeout(process.pid, timeout).wait_for(talk)
+            if said is None:
+                process.kill()
+                raise TimeoutError
+            return cls(process.returncode, *said)
+
+    @staticmethod
+    def wait_for(pid: int, seconds: float, poll: Callable[[float], T]) -> T | None:
+        """Return what `poll` returns once it is true; None if the `Timeout` of the program is over."""
+        return Timeout(pid, seconds).wait_for(poll)

@@ -3,11 +3,13 @@
 The C functions of Numba print an exception and return an arbitrary number, so a run would go on after it.
 """
 
+import ctypes
 import functools
 import os
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -19,13 +21,17 @@ from numba.core.errors import TypingError
 from numba.core.registry import cpu_target
 from numba.core.types import Boolean, CPointer, Integer, IntEnumMember, float64, int64
 
-from cranectl.support.compilers import PausingCompiler
-from cranectl.support.errors import MAX_PHRASE, describe_error, printable, report_machine_failure
+from cranectl.support.arrays import Array
+from cranectl.support.compilers import UNCOMPILED, PausingCompiler
+from cranectl.support.errors import MAX_PHRASE, InputError, printable
+from cranectl.support.kernel_cache import KernelCache
+from cranectl.support.parent import Parent
+from cranectl.support.sources import PACKAGE
 
-FAILED = -1  # status of a step that raised an exception
 _POINTER: Any = CPointer  # Numba has no types
 _TOOLS: Any = cgutils
 _ENVIRONMENTS: list[Any] = []  # compiled code points to them
+_CALLBACKS: list[Any] = []  # to uncompiled steps, whose addresses are in use
 
 
 class WholeNumberModel(callconv.NumpyErrorModel):
@@ -78,6 +84,9 @@ STEP_ARGUMENTS = (_POINTER(float64),) * 5  # of all controllers
 class CompiledStep(CFunc):
     """A compiled controller step, or another compiled function that returns an int64."""
 
+    UNCOMPILED = UNCOMPILED  # whether Numba's compiler is switched off
+    FAILED = -1  # status of a step that raised an exception
+    C_TYPE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.POINTER(ctypes.c_double)] * 5)
     _targetdescr = _StepTarget(lambda *arguments: _report(*arguments))
 
     def __init__(
@@ -98,6 +107,62 @@ class CompiledStep(CFunc):
     def _compile_uncached(self) -> Any:
         self._compiled_here = self._compiler.compile(self._sig.args, None)  # type: ignore[attr-defined]
         return self._compiled_here
+
+    @staticmethod
+    @functools.cache
+    def address_of(step: Callable[..., int]) -> int:
+        """Compile `step` to a C function of five pointers to doubles that returns an int64.
+
+        Returns its address. An exception in the step is reported, and the function returns a failure code. A
+        step from outside raises one where it divides a whole number by zero.
+
+        Only the package's own steps are cached on disk. A foreign step may use other files, which are not
+        known, so a changed gain in one of them would go unnoticed.
+        """
+        if UNCOMPILED:
+            callback = CompiledStep.C_TYPE(step)
+            _CALLBACKS.append(callback)
+            return ctypes.cast(callback, ctypes.c_void_p).value or 0
+        is_ours = Path(step.__code__.co_filename).is_relative_to(PACKAGE)
+        compiled: Any = CompiledStep(step) if is_ours else CompiledStep(step, error_model=OUTSIDE)
+        if is_ours:
+            compiled._cache = KernelCache.of(step)
+        compiled.compile()
+        return int(compiled.address)
+
+    @classmethod
+    def call(cls, address: int, *arrays: Array) -> int:
+        """Call the C function of a step from Python, and return its status."""
+        pointer = ctypes.POINTER(ctypes.c_double)
+        return int(cls.C_TYPE(address)(*(array.ctypes.data_as(pointer) for array in arrays)))
+
+    @staticmethod
+    def why_not(step: Callable[..., int], error: Exception) -> tuple[str, str]:
+        """Return Numba's reason for not compiling `step`, on one line, and the file and line it names."""
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+        first = 1 if lines[0].startswith("Failed in nopython mode") and len(lines) > 1 else 0
+        said = lines[first]
+        if said.endswith(":") and len(lines) > first + 1:  # the next line holds the detail
+            said = f"{said} {lines[first + 1].removeprefix('>>> ')}"
+        loc = getattr(error, "loc", None)
+        return printable(said), f"{loc.filename}:{loc.line}" if loc else step.__code__.co_filename
+
+    @staticmethod
+    def report(name: str, error: BaseException, raised: TracebackType | None = None) -> None:
+        """Write which step failed, in which line, and why.
+
+        A forked process must not wait for the lock of `sys.stderr`, so the text goes to the file descriptor.
+        An error of the machine does not count as a failure of the step: a process that only runs controllers
+        ends.
+        """
+        frames = traceback.extract_tb(raised or error.__traceback__)
+        where = f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
+        if isinstance(error, OSError):  # its line is one of ours, such as the one that reads a socket
+            where = ""
+        text = printable(f"{name} failed{where}: {InputError.describe(error)}", longest=MAX_PHRASE)
+        with suppress(OSError):  # the step may have closed it
+            os.write(2, f"cranectl: {text}\n".encode())
+        Parent.report_machine_failure(error)
 
 
 class BareStep(CompiledStep):
@@ -143,7 +208,7 @@ def _wrap_step(context: Any, library: Any, described: Any, *_: Any, report: Call
     )
     with builder.if_then(status.is_error, likely=False):
         report(context, builder, status, described.qualname)
-        builder.ret(ir.Constant(result, FAILED))
+        builder.ret(ir.Constant(result, CompiledStep.FAILED))
     builder.ret(context.cast(builder, returned, described.restype, int64))
     library.add_ir_module(module)
 
@@ -168,22 +233,6 @@ def _report(context: Any, builder: Any, status: Any, name: str) -> None:
     api.gil_release(lock)
 
 
-def report_failure(name: str, error: BaseException, raised: TracebackType | None = None) -> None:
-    """Write which step failed, in which line, and why.
-
-    A forked process must not wait for the lock of `sys.stderr`, so the text goes to the file descriptor. An
-    error of the machine does not count as a failure of the step: a process that only runs controllers ends.
-    """
-    frames = traceback.extract_tb(raised or error.__traceback__)
-    where = f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""
-    if isinstance(error, OSError):  # its line is one of ours, such as the one that reads a socket
-        where = ""
-    text = printable(f"{name} failed{where}: {describe_error(error)}", longest=MAX_PHRASE)
-    with suppress(OSError):  # the step may have closed it
-        os.write(2, f"cranectl: {text}\n".encode())
-    report_machine_failure(error)
-
-
 def report_compiled_failure(
     name: str, kind: type[BaseException], value: object = None, raised: TracebackType | None = None
 ) -> None:
@@ -193,4 +242,4 @@ def report_compiled_failure(
     else:  # C code may set an exception without making it
         arguments = value if isinstance(value, tuple) else () if value is None else (value,)
         error = kind(*arguments)
-    report_failure(name, error, raised)
+    CompiledStep.report(name, error, raised)

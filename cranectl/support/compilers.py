@@ -10,12 +10,16 @@ from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding as llvm
+import numba
 from llvmlite.binding.ffi import lib as llvm_library
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 
 from cranectl.support.turns import held_in_forks
+
+_config: Any = numba.config  # its settings are attributes that no type checker knows
+UNCOMPILED = bool(_config.DISABLE_JIT)  # as NUMBA_DISABLE_JIT asks
 
 # Numba acquires its own lock before that of LLVM. Both are reentrant: a thread that compiles may fork.
 held_in_forks(llvm_library._lock.__enter__, lambda: llvm_library._lock.__exit__(None, None, None))

@@ -7,24 +7,19 @@ failed work is tried again. If it fails again, the command ends and keeps all fi
 import difflib
 import errno
 import functools
-import os
 import re
-import signal
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable
 from fnmatch import fnmatchcase
+from numbers import Integral
 from pathlib import Path
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 COMPARED_CHARACTERS = 80  # [characters] of a name: comparing takes time in proportion to their square
 SHOWN_NEAR_NAMES = 6  # as many near names as fit a line or two
 MAX_SHOWN_LENGTH = 200  # [characters] of a value in a message
 MAX_PHRASE = 4000  # [characters] of a phrase; all signals of a log are named in fewer
 
-TRIES = 3  # attempts at work that the machine interrupts
 T = TypeVar("T")
-STARTING: Final = "starting"  # message to the parent before and after a program starts
-_send_to_parent: list[Callable[[Any], object]] = []  # in a process of runs
 
 _ERRNOS = {
     getattr(errno, name)
@@ -32,11 +27,19 @@ _ERRNOS = {
     if hasattr(errno, name)
 }
 _UNMAPPED = re.compile("failed to map segment|[Cc]annot allocate memory")
-_KILLED = {-signal.SIGTERM, -getattr(signal, "SIGKILL", 9)}
 
 
 class CranectlError(Exception):
     """Base of all errors that the command line reports without a traceback."""
+
+    @staticmethod
+    def describe(error: BaseException) -> str:
+        """Return the class and the text of `error`, even if making the text fails."""
+        try:
+            text = str(error)
+        except Exception as failure:
+            text = f"its text cannot be made: {type(failure).__name__}"
+        return f"{type(error).__name__}: {text}"
 
 
 class InputError(CranectlError):
@@ -77,7 +80,7 @@ class InputError(CranectlError):
         return cls(
             f"unknown {kind} '{name}'",
             allowed=", ".join(names),
-            remedy=did_you_mean(name, names) or remedy or "choose one of those listed above",
+            remedy=cls.did_you_mean(name, names) or remedy or "choose one of those listed above",
         )
 
     @classmethod
@@ -88,18 +91,64 @@ class InputError(CranectlError):
                 raise cls.unknown(kind, name, known)
 
     @classmethod
-    def unmatched(cls, pattern: str, names: Iterable[str]) -> Self:
-        """Return the error for a pattern that matches no signal, with the nearest names and groups."""
+    def matching(cls, pattern: str, names: Iterable[str]) -> list[str]:
+        """Return the names that match a shell pattern such as `mujoco.state.*`; `*` also matches dots.
+
+        Raises the error with the nearest names and groups if no signal matches.
+        """
         known = list(names)
+        if matched := [name for name in known if fnmatchcase(name, pattern)]:
+            return matched
         groups = {name.rpartition(".")[0] + ".*" for name in known}
         candidates = groups if pattern.endswith("*") else {*known, *groups}
-        near = nearest_first(pattern, candidates)[:SHOWN_NEAR_NAMES]
-        return cls(
+        near = cls.nearest(pattern, candidates)
+        raise cls(
             f"no signal matches '{pattern}'",
             allowed=f"patterns of signal names, the nearest being {', '.join(near)}" if near else "",
-            remedy=did_you_mean(pattern, near)
+            remedy=cls.did_you_mean(pattern, near)
             or "choose among the signals that docs/reference/logs.md lists",
         )
+
+    @staticmethod
+    def nearest(name: str, known: Iterable[str], count: int = SHOWN_NEAR_NAMES) -> list[str]:
+        """Return `count` known names that resemble `name`, the nearest first, ties alphabetically."""
+        ranked = sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
+        return ranked[:count]
+
+    @classmethod
+    def did_you_mean(cls, name: str, known: Iterable[str]) -> str:
+        """Return a question with the known name that `name` resembles, or an empty text."""
+        near = cls.nearest(name, known)[:1]
+        return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
+
+    @staticmethod
+    def shown(value: Any) -> str:
+        """Return a value as Python writes it, or its type if that text is empty or too long."""
+        try:
+            text = repr(value)
+        except Exception:  # the `__repr__` of a user's class may raise anything
+            text = ""
+        return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"
+
+    @classmethod
+    def check_whole(cls, what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
+        """Raise the error unless `value` is a whole number of Python or NumPy in the range, and no bool."""
+        is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if not (is_whole and lowest <= int(value) <= highest):
+            raise cls(
+                f"{what} = {cls.shown(value)}",
+                allowed=f"a whole number from {lowest} to {highest}",
+                remedy=f"give {meaning}",
+            )
+
+    @classmethod
+    def check_name(cls, kind: str, name: str, *, taken: Iterable[str] = ()) -> None:
+        """Raise the error for a name that topics, columns and TOML keys cannot have, or that is `taken`."""
+        found, remedy = f"a {kind} named '{name}'", "take another name"
+        if not (isinstance(name, str) and re.fullmatch(r"[a-z][a-z0-9-]*", name)):
+            raise cls(found, allowed="lower case letters, digits, hyphens", remedy=remedy)
+        if name in (known := list(taken)):
+            raise cls(found, allowed=f"not {', '.join(known)}", remedy=remedy)
 
     def __reduce__(self) -> tuple[object, ...]:
         # Errors travel from worker processes to their parent.
@@ -122,6 +171,8 @@ class LogError(InputError):
 
 class MachineError(InputError):
     """Report a failure of the machine, which says nothing about the controller or the plant."""
+
+    TRIES = 3  # attempts at work that the machine interrupts
 
     @classmethod
     def of(cls, what: str) -> "MachineError":
@@ -154,7 +205,7 @@ class MachineError(InputError):
 
         Raises MachineError if the last try fails in this way too.
         """
-        for left in reversed(range(TRIES)):
+        for left in reversed(range(cls.TRIES)):
             try:
                 return attempt()
             except InputError as error:  # says more than its cause
@@ -164,7 +215,7 @@ class MachineError(InputError):
                 if not cls.is_cause_of(error):
                     raise
                 if not left:
-                    raise cls.of(describe_error(error).rstrip(": ")) from error
+                    raise cls.of(cls.describe(error).rstrip(": ")) from error
         raise AssertionError("unreachable")
 
 
@@ -179,75 +230,7 @@ def printable(text: str, *, longest: int = 500) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def shown(value: Any) -> str:
-    """Return a value as Python writes it, or its type if that text is empty or too long."""
-    try:
-        text = repr(value)
-    except Exception:  # the `__repr__` of a user's class may raise anything
-        text = ""
-    return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"
-
-
-def describe_error(error: BaseException) -> str:
-    """Return the class and the text of `error`, even if making the text fails."""
-    try:
-        text = str(error)
-    except Exception as failure:
-        text = f"its text cannot be made: {type(failure).__name__}"
-    return f"{type(error).__name__}: {text}"
-
-
-def matching(pattern: str, names: Iterable[str]) -> list[str]:
-    """Return the names that match a shell pattern such as `mujoco.state.*`; `*` also matches dots."""
-    return [name for name in names if fnmatchcase(name, pattern)]
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return a question with the known name that `name` resembles, or an empty text."""
-    near = nearest_first(name, known)[:1]
-    return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
-
-
-def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """Sort the known names by similarity to `name`, the most similar first, ties alphabetically."""
-    return sorted(known, key=lambda candidate: (-_similarity(name, candidate), candidate))
-
-
 def _similarity(a: str, b: str) -> float:
     return difflib.SequenceMatcher(
         None, a[:COMPARED_CHARACTERS].lower(), b[:COMPARED_CHARACTERS].lower()
     ).ratio()
-
-
-def report_to_parent(send: Callable[[Any], object]) -> None:
-    """Register `send` to inform the parent of this process, which only runs controllers.
-
-    The parent learns when a program starts, and which error of the machine ends this process.
-    """
-    _send_to_parent[:] = [send]
-
-
-@contextmanager
-def starting() -> Iterator[None]:
-    """Tell the parent that a program starts in the block; no time limit applies while it starts."""
-    for send in _send_to_parent:
-        send(STARTING)
-    yield
-    for send in _send_to_parent:
-        send(STARTING)
-
-
-def report_machine_failure(error: BaseException) -> None:
-    """Tell the parent and end this process if `error` is a failure of the machine.
-
-    This has no effect outside of a process that only runs controllers.
-    """
-    if MachineError.is_cause_of(error):
-        for send in _send_to_parent:
-            send(MachineError.of(f"a step: {describe_error(error)}"))
-            os._exit(1)
-
-
-def was_killed(exit_code: int) -> bool:
-    """Return True if this exit code, -N after signal N, means that the process was killed from outside."""
-    return exit_code in _KILLED

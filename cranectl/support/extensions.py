@@ -1,8 +1,6 @@
 """Find the objects that other packages add to this one, as entry points or by registration."""
 
-import importlib
-import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Any, ClassVar
@@ -60,28 +58,3 @@ Extensions.SEGMENTS = Extensions("cranectl.segments")
 Extensions.EXPORTERS = Extensions("cranectl.exporters")
 # These decide numbers.
 COUNTED = (Extensions.METRICS, Extensions.PLANTS, Extensions.CONTROLLERS, Extensions.SEGMENTS)
-
-
-def loaded(where: str) -> Any:
-    """Import the object at `where`, module:name."""
-    module, _, name = where.partition(":")
-    return getattr(importlib.import_module(module), name)
-
-
-def check_name(kind: str, name: str) -> None:
-    """Raise InputError for a name that topics, columns and TOML keys cannot have."""
-    if not (isinstance(name, str) and re.fullmatch(r"[a-z][a-z0-9-]*", name)):
-        raise InputError(
-            f"a {kind} named '{name}'",
-            allowed="lower case letters, digits, hyphens",
-            remedy="take another name",
-        )
-
-
-def check_free(kind: str, name: str, taken: Iterable[str]) -> None:
-    """Raise InputError for a name that is among those `taken`."""
-    known = list(taken)
-    if name in known:
-        raise InputError(
-            f"a {kind} named '{name}'", allowed=f"not {', '.join(known)}", remedy="take another name"
-        )

@@ -4,6 +4,7 @@ Foreign code may change the floating-point environment when it is loaded or in a
 holds how this thread rounds and how it treats very small numbers. All later results would then differ.
 """
 
+import _thread
 import contextlib
 import ctypes
 import functools
@@ -15,8 +16,11 @@ from typing import Any
 
 from llvmlite import binding, ir
 
+from cranectl.support.errors import printable
+from cranectl.support.interrupts import in_background
 from cranectl.support.turns import held_in_forks
 
+SLOW = 10.0  # [s] after which unfinished work is reported
 _BYTES = 64  # of a fenv_t; no machine's is larger than 32
 _KEPT: list[object] = []  # compiled code is called by address, so it must not be collected
 _lock = threading.Lock()
@@ -25,82 +29,12 @@ _inside: list[int] = []  # the threads that run foreign code, one entry for each
 _before: list[Any] = []  # standard output, `os._exit`, the process and `sys.path` before the first block
 
 
-@contextlib.contextmanager
-def contained() -> Iterator[None]:
-    """Protect this process from the foreign code in the block; several threads may be in blocks at once.
-
-    The output of the code goes to standard error, because standard output is reserved for results. The
-    floating-point environment, the working directory and `sys.path` are restored afterwards. `os._exit`
-    raises SystemExit.
-    """
-    here = threading.get_ident()
-    with _lock:
-        if not _inside:
-            _before[:] = [sys.stdout, os._exit, os.getpid(), sys.path[:]]
-            sys.stdout, os._exit = sys.stderr, _refuse  # type: ignore[assignment]
-        _inside.append(here)
-    try:
-        with environment_kept(), contextlib.ExitStack() as stack:
-            with contextlib.suppress(OSError):  # the working directory was removed
-                stack.enter_context(contextlib.chdir("."))
-            yield
-    finally:
-        with _lock:
-            _inside.remove(here)
-            if not _inside:
-                sys.stdout, os._exit, _, sys.path[:] = _before
-
-
 def _refuse(code: int) -> None:
     """Raise SystemExit in a thread that runs foreign code; elsewhere, as in a fork, end the process."""
     _, leave, process, _ = _before
     if os.getpid() != process or threading.get_ident() not in _inside:
         leave(code)
     raise SystemExit(code)
-
-
-@contextlib.contextmanager
-def environment_kept() -> Iterator[None]:
-    """Restore this thread's floating-point environment at the end of the block."""
-    get, put = _functions()
-    before = ctypes.create_string_buffer(_BYTES)
-    get(before)
-    try:
-        yield
-    finally:
-        put(before)
-
-
-@functools.cache
-def keeping_environment(step: int) -> int:
-    """Return the address of a C function that calls `step` and then restores the floating-point environment.
-
-    `step` is the address of a controller's step. Both functions take five pointers and return an int64.
-    """
-    pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
-    signature = ir.FunctionType(whole, [pointer] * 5)
-    of_environment = ir.FunctionType(ir.IntType(32), [pointer])
-    module = ir.Module("float_environment")
-    module.triple = binding.get_process_triple()
-    function = ir.Function(module, signature, f"keeping_{step:x}")
-    builder = ir.IRBuilder(function.append_basic_block("entry"))
-
-    def called(address: int, kind: Any, arguments: Any) -> Any:
-        return builder.call(builder.inttoptr(ir.Constant(whole, address), kind.as_pointer()), arguments)
-
-    get, put = (ctypes.cast(function, ctypes.c_void_p).value or 0 for function in _functions())
-    room = builder.alloca(ir.ArrayType(ir.IntType(8), _BYTES))
-    room.align = 16
-    before = builder.bitcast(room, pointer)
-    called(get, of_environment, [before])
-    result = called(step, signature, function.args)
-    called(put, of_environment, [before])
-    builder.ret(result)
-    target = binding.Target.from_default_triple().create_target_machine()
-    engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), target)
-    engine.finalize_object()
-    _KEPT.append(engine)
-    return int(engine.get_function_address(function.name))
 
 
 @functools.cache
@@ -113,3 +47,93 @@ def _functions() -> tuple[Any, Any]:
         if not hasattr(library, "fegetenv"):  # not linked into this interpreter
             library = ctypes.CDLL("libm.so.6")
     return library.fegetenv, library.fesetenv
+
+
+class ForeignCode:
+    """What protects this process from foreign code that runs in it."""
+
+    @staticmethod
+    @contextlib.contextmanager
+    def contained(doing: str) -> Iterator[None]:
+        """Protect this process from the foreign code in the block; several threads may be in blocks at once.
+
+        The output of the code goes to standard error, because standard output is reserved for results. The
+        floating-point environment, the working directory and `sys.path` are restored afterwards. `os._exit`
+        raises SystemExit. If the block takes long, `doing` is reported as in `reported_when_slow`.
+        """
+        here = threading.get_ident()
+        with _lock:
+            if not _inside:
+                _before[:] = [sys.stdout, os._exit, os.getpid(), sys.path[:]]
+                sys.stdout, os._exit = sys.stderr, _refuse  # type: ignore[assignment]
+            _inside.append(here)
+        try:
+            with ForeignCode.environment_kept(), contextlib.ExitStack() as stack:
+                stack.enter_context(ForeignCode.reported_when_slow(doing))
+                with contextlib.suppress(OSError):  # the working directory was removed
+                    stack.enter_context(contextlib.chdir("."))
+                yield
+        finally:
+            with _lock:
+                _inside.remove(here)
+                if not _inside:
+                    sys.stdout, os._exit, _, sys.path[:] = _before
+
+    @staticmethod
+    @contextlib.contextmanager
+    def environment_kept() -> Iterator[None]:
+        """Restore this thread's floating-point environment at the end of the block."""
+        get, put = _functions()
+        before = ctypes.create_string_buffer(_BYTES)
+        get(before)
+        try:
+            yield
+        finally:
+            put(before)
+
+    @staticmethod
+    @functools.cache
+    def keeping_environment(step: int) -> int:
+        """Return the address of a C function that calls `step` and restores the floating-point environment.
+
+        `step` is the address of a controller's step. Both functions take five pointers and return an int64.
+        """
+        pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
+        signature = ir.FunctionType(whole, [pointer] * 5)
+        of_environment = ir.FunctionType(ir.IntType(32), [pointer])
+        module = ir.Module("float_environment")
+        module.triple = binding.get_process_triple()
+        function = ir.Function(module, signature, f"keeping_{step:x}")
+        builder = ir.IRBuilder(function.append_basic_block("entry"))
+
+        def called(address: int, kind: Any, arguments: Any) -> Any:
+            return builder.call(builder.inttoptr(ir.Constant(whole, address), kind.as_pointer()), arguments)
+
+        get, put = (ctypes.cast(function, ctypes.c_void_p).value or 0 for function in _functions())
+        room = builder.alloca(ir.ArrayType(ir.IntType(8), _BYTES))
+        room.align = 16
+        before = builder.bitcast(room, pointer)
+        called(get, of_environment, [before])
+        result = called(step, signature, function.args)
+        called(put, of_environment, [before])
+        builder.ret(result)
+        target = binding.Target.from_default_triple().create_target_machine()
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), target)
+        engine.finalize_object()
+        _KEPT.append(engine)
+        return int(engine.get_function_address(function.name))
+
+    @staticmethod
+    @contextlib.contextmanager
+    def reported_when_slow(what: str) -> Iterator[None]:
+        """Report on standard error if `what`, such as "law.py has been loading", takes long; end nothing."""
+        warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
+        ended = _thread.allocate_lock()
+
+        def report() -> None:
+            if not ended.acquire(timeout=SLOW):
+                os.write(2, warning.encode())
+
+        with ended:
+            in_background(report)
+            yield

@@ -15,24 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
-from cranectl.support.errors import printable
-
-SLOW = 10.0  # [s] after which unfinished work is reported
 RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
-SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-
-
-class Interruption(KeyboardInterrupt):
-    """A KeyboardInterrupt that lets this program choose the exit code.
-
-    If Python's own KeyboardInterrupt passes through `exec` of a string, as when a dataclass is made, the
-    interpreter ends by SIGINT even if the exception was caught.
-    """
-
-
-def interrupt() -> None:
-    """Raise an `Interruption`."""
-    raise Interruption
 
 
 def in_background(act: Callable[[], None]) -> None:
@@ -41,14 +24,6 @@ def in_background(act: Callable[[], None]) -> None:
     `threading.Thread.start` waits for the new thread, for ever if there is too little memory to begin.
     """
     _thread.start_new_thread(act, ())
-
-
-def is_caused_by_interrupt(error: BaseException) -> bool:
-    """Return True if an interrupt caused `error`, even if a library has wrapped it."""
-    cause: BaseException | None = error
-    while cause is not None and not isinstance(cause, KeyboardInterrupt):
-        cause = cause.__cause__
-    return cause is not None
 
 
 def _raise_in_main_thread(number: signal.Signals) -> None:
@@ -88,75 +63,80 @@ class _RaiseAgain:
         _raise_in_main_thread(self.number)
 
 
-def heed_interrupts(act: Callable[[], None]) -> Mapping[signal.Signals, Any]:
-    """Call `act` at each signal that is not ignored; return the previous handlers.
+class Interruption(KeyboardInterrupt):
+    """A KeyboardInterrupt that lets this program choose the exit code.
 
-    After the first signal further hang-ups are ignored, because a closed terminal sends more than one.
+    If Python's own KeyboardInterrupt passes through `exec` of a string, as when a dataclass is made, the
+    interpreter ends by SIGINT even if the exception was caught.
     """
-    if not isinstance(sys.unraisablehook, _RaiseAgain):
-        sys.unraisablehook = _RaiseAgain()
-    hook = sys.unraisablehook
-    hook.handler = None
 
-    def interrupted(number: int, _frame: FrameType | None) -> None:
-        hook.handler, hook.number = interrupted, signal.Signals(number)
-        if hasattr(signal, "SIGHUP"):
-            signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        act()
+    SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    heeded = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
-    for number in heeded:
-        signal.signal(number, interrupted)
-    return heeded
+    @staticmethod
+    def is_cause_of(error: BaseException) -> bool:
+        """Return True if an interrupt caused `error`, even if a library has wrapped it."""
+        cause: BaseException | None = error
+        while cause is not None and not isinstance(cause, KeyboardInterrupt):
+            cause = cause.__cause__
+        return cause is not None
 
+    @classmethod
+    def heed(cls, act: Callable[[], None] | None = None) -> Mapping[signal.Signals, Any]:
+        """Call `act`, or raise this exception, at each signal that is not ignored; return former handlers.
 
-@contextlib.contextmanager
-def interrupts_wait() -> Iterator[None]:
-    """Delay signals until the end of the block, which should take less than a second.
+        After the first signal further hang-ups are ignored, because a closed terminal sends more than one.
+        """
+        if not isinstance(sys.unraisablehook, _RaiseAgain):
+            sys.unraisablehook = _RaiseAgain()
+        hook = sys.unraisablehook
+        hook.handler = None
 
-    Python handles signals in the main thread only, so in other threads this has no effect.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[tuple[int, FrameType | None]] = []
-    handlers = {number: signal.getsignal(number) for number in SIGNALS}
-    replaced = {number: handler for number, handler in handlers.items() if callable(handler)}
-    for number in replaced:
-        signal.signal(number, lambda *which: came.append(which))
-    try:
-        yield
-    finally:
-        for number, handler in replaced.items():
-            signal.signal(number, handler)
-        if came:
-            replaced[signal.Signals(came[0][0])](*came[0])
+        def interrupted(number: int, _frame: FrameType | None) -> None:
+            hook.handler, hook.number = interrupted, signal.Signals(number)
+            if hasattr(signal, "SIGHUP"):
+                signal.signal(signal.SIGHUP, signal.SIG_IGN)
+            if act is None:
+                raise cls
+            act()
 
+        before = {number: signal.getsignal(number) for number in cls.SIGNALS}
+        heeded = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+        for number in heeded:
+            signal.signal(number, interrupted)
+        return heeded
 
-@contextlib.contextmanager
-def interrupts_blocked() -> Iterator[None]:
-    """Block signals for the processes started in the block; this process receives them at its end."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    @staticmethod
+    @contextlib.contextmanager
+    def delayed() -> Iterator[None]:
+        """Delay signals until the end of the block, which should take less than a second.
 
+        Python handles signals in the main thread only, so in other threads this has no effect.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        came: list[tuple[int, FrameType | None]] = []
+        handlers = {number: signal.getsignal(number) for number in Interruption.SIGNALS}
+        replaced = {number: handler for number, handler in handlers.items() if callable(handler)}
+        for number in replaced:
+            signal.signal(number, lambda *which: came.append(which))
+        try:
+            yield
+        finally:
+            for number, handler in replaced.items():
+                signal.signal(number, handler)
+            if came:
+                replaced[signal.Signals(came[0][0])](*came[0])
 
-@contextlib.contextmanager
-def reported_when_slow(what: str) -> Iterator[None]:
-    """Report on standard error if `what`, such as "law.py has been loading", takes long; end nothing."""
-    warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
-    ended = _thread.allocate_lock()
-
-    def report() -> None:
-        if not ended.acquire(timeout=SLOW):
-            os.write(2, warning.encode())
-
-    with ended:
-        in_background(report)
-        yield
+    @staticmethod
+    @contextlib.contextmanager
+    def blocked() -> Iterator[None]:
+        """Block signals for the processes started in the block; this process receives them at its end."""
+        if not hasattr(signal, "pthread_sigmask"):
+            yield
+            return
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, Interruption.SIGNALS)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -13,7 +13,7 @@ from typing import Any
 
 from cranectl.support.directories import cache_directory
 from cranectl.support.files import write_text
-from cranectl.support.provenance import extensions, installed, syntax_of
+from cranectl.support.provenance import Provenance
 from cranectl.support.sources import imported_files, source_of, sources_digest
 
 KERNELS = ("OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # they choose the machine code
@@ -29,7 +29,7 @@ def kept(kind: str, key: Any, compute: Callable[[], str]) -> str:
     """
     kernels = [os.environ.get(name) for name in KERNELS]
     code = code_digest(Path(inspect.getfile(compute)))
-    return _stored(kind, [key, code, installed(), extensions(), kernels], compute)
+    return _stored(kind, [key, code, Provenance.installed(), Provenance.extensions(), kernels], compute)
 
 
 @functools.cache
@@ -44,7 +44,7 @@ def code_digest(path: Path) -> str:
 
 def _parsed(path: Path) -> str:
     files = imported_files(path)
-    return _digest("\0".join(syntax_of(source_of(file).encode()).decode() for file in files))
+    return _digest("\0".join(Provenance.syntax_of(source_of(file).encode()).decode() for file in files))
 
 
 def _stored(kind: str, key: Any, compute: Callable[[], str]) -> str:

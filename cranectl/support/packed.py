@@ -15,7 +15,6 @@ import numpy as np
 from numba import types
 from numba._dispatcher import compute_fingerprint
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from cranectl.support.arrays import Array
 
@@ -23,66 +22,8 @@ _WORD = 64  # bits
 _TYPES: dict[bytes, Any] = {}  # by what Numba itself knows them by
 
 
-def packed(value: Any) -> Array:
-    """Return a block of `value`: numbers and arrays, None, and tuples of all these.
-
-    Raises TypeError for anything else.
-    """
-    forms: list[str] = []
-    words: list[float | int] = []
-    for leaf in block_leaves(value):
-        if isinstance(leaf, np.ndarray):
-            forms.append(f"{array_words(leaf)}q")
-            words += (leaf.ctypes.data, *leaf.shape, *leaf.strides)
-        elif isinstance(leaf, float | np.floating):
-            forms.append("d")
-            words.append(float(leaf))
-        elif isinstance(leaf, int | np.integer | np.bool_):
-            forms.append("q")
-            words.append(int(leaf))
-        else:
-            raise TypeError(f"{type(leaf).__name__} is neither a number nor an array, and cannot be packed")
-    return np.frombuffer(bytearray(struct.pack("".join(forms), *words) or bytes(8)))
-
-
-def block_leaves(value: Any) -> Iterator[Any]:
-    """Yield what nested tuples hold, in the order of a block; None is left out."""
-    if isinstance(value, tuple):
-        for part in value:
-            yield from block_leaves(part)
-    elif value is not None:
-        yield value
-
-
-def array_words(array: NDArray[Any]) -> int:
-    """Return how many numbers of a block describe an array: its address, shape and strides."""
-    return 1 + 2 * array.ndim
-
-
-def type_of(value: Any) -> Any:
-    """Return Numba's type of `value`, from a cache if it was asked for before."""
-    key = compute_fingerprint(value)
-    if key not in _TYPES:
-        _TYPES[key] = numba.typeof(value)
-    return _TYPES[key]
-
-
-@functools.cache
-def unpacker(kind: Any) -> Any:
-    """Return a compiled function that reads a value of Numba's type `kind` from a pointer to a block."""
-
-    @cast(Any, intrinsic)
-    def unpack(_typing, pointer):
-        def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
-            return _read(context, builder, kind, arguments[0], count())
-
-        return kind(pointer), generate
-
-    return unpack
-
-
 @cast(Any, intrinsic)
-def pointer_after(_typing, pointer, words):  # noqa: ARG001
+def _pointer_after(_typing, pointer, words):  # noqa: ARG001
     """Return, in compiled code, a pointer to the block that lies `words` numbers after `pointer`."""
 
     def generate(_context: Any, builder: Any, _: Any, arguments: Any) -> Any:
@@ -92,7 +33,7 @@ def pointer_after(_typing, pointer, words):  # noqa: ARG001
 
 
 @cast(Any, intrinsic)
-def array_at(_typing, pointer, length):
+def _array_at(_typing, pointer, length):
     """Return, in compiled code, the array of `length` doubles at `pointer`; `length` is a constant."""
     kind = types.Array(types.float64, 1, "C")
 
@@ -138,3 +79,76 @@ def _read(context: Any, builder: Any, kind: Any, block: Any, places: Iterator[in
     if isinstance(kind, types.Float):
         return context.cast(builder, word(ir.DoubleType()), types.float64, kind)
     return context.cast(builder, word(integer), types.int64, kind)
+
+
+class Block:
+    """Numbers and arrays, None, and tuples of all these, as one block of memory.
+
+    Raises TypeError for anything else.
+    """
+
+    pointer_after = _pointer_after
+    array_at = _array_at
+
+    def __init__(self, value: Any) -> None:
+        """Pack `value`, which the user must keep."""
+        self.numbers = _packed(value)
+        key = compute_fingerprint(value)
+        if key not in _TYPES:
+            _TYPES[key] = numba.typeof(value)
+        self.kind = _TYPES[key]  # Numba's type of it
+
+    @staticmethod
+    def places(value: Any) -> Iterator[tuple[int, Any]]:
+        """Yield the numbers and arrays of `value`, each with its place in the block; None is left out."""
+        place = 0
+        for leaf in _leaves(value):
+            yield place, leaf
+            place += _words(leaf)
+
+    @staticmethod
+    @functools.cache
+    def unpacker(kind: Any) -> Any:
+        """Return a compiled function that reads a value of Numba's type `kind` from a pointer to a block."""
+
+        @cast(Any, intrinsic)
+        def unpack(_typing, pointer):
+            def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+                return _read(context, builder, kind, arguments[0], count())
+
+            return kind(pointer), generate
+
+        return unpack
+
+
+def _packed(value: Any) -> Array:
+    """Return the block of `value`."""
+    forms: list[str] = []
+    words: list[float | int] = []
+    for _, leaf in Block.places(value):
+        if isinstance(leaf, np.ndarray):
+            forms.append(f"{_words(leaf)}q")
+            words += (leaf.ctypes.data, *leaf.shape, *leaf.strides)
+        elif isinstance(leaf, float | np.floating):
+            forms.append("d")
+            words.append(float(leaf))
+        elif isinstance(leaf, int | np.integer | np.bool_):
+            forms.append("q")
+            words.append(int(leaf))
+        else:
+            raise TypeError(f"{type(leaf).__name__} is neither a number nor an array, and cannot be packed")
+    return np.frombuffer(bytearray(struct.pack("".join(forms), *words) or bytes(8)))
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    """Yield what nested tuples hold; None is left out."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _leaves(part)
+    elif value is not None:
+        yield value
+
+
+def _words(leaf: Any) -> int:
+    """Return how many numbers describe a leaf; those of an array are its address, shape and strides."""
+    return 1 + 2 * leaf.ndim if isinstance(leaf, np.ndarray) else 1

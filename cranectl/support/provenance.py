@@ -21,48 +21,7 @@ from typing import Any
 from cranectl.support import Shipped
 from cranectl.support.extensions import COUNTED
 
-PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
-FINGERPRINTS = ("sources", "models", "data")
-HARMLESS = ("python", "foxglove-sdk")  # versions that affect no number of a run
 UNKNOWN = "unknown"  # of what wrote it before it said so
-INSTALLED = ("site-packages", "dist-packages")  # folders of packages
-FINGERPRINT_DIGITS = 16  # of a fingerprint, hexadecimal
-
-
-def provenance() -> dict[str, str]:
-    """Return versions and fingerprints of this program by name; some 10 ms the first time in a process."""
-    return {**installed(), **fingerprints(), **extensions()}
-
-
-@functools.cache
-def fingerprints() -> dict[str, str]:
-    """Return digests of the package's sources, of the models and of the scenarios, campaigns and limits."""
-    package = Path(__file__).parents[1]
-    sources = (path for path in package.rglob("*.py") if "_data" not in path.parts[len(package.parts) :])
-    models, data = Shipped.MODEL_FILE.parent, Shipped.TOLERANCE_FILE.parent
-    # Results of a benchmark hold all that its files say: one controller more, or one tuned, changes no other.
-    # Proofs are in the checkout only, and no run reads them.
-    apart = {Shipped.BENCHMARKS.folder, data / "proofs"}
-    said = (path for path in data.rglob("*.toml") if apart.isdisjoint(path.parents))
-    return {
-        "sources": fingerprint(package, sources),
-        "models": fingerprint(models, models.rglob("*.xml")),
-        "data": fingerprint(data, said),
-    }
-
-
-@functools.cache
-def extensions() -> dict[str, str]:
-    """Return versions of the packages that add metrics or plants, and digests of their sources."""
-    entries = [entry for point in COUNTED for entry in importlib.metadata.entry_points(group=point.group)]
-    versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
-    return versions | source_digests(entry.module for entry in entries)
-
-
-def source_digests(modules: Iterable[str]) -> dict[str, str]:
-    """Return digests of all files of foreign packages with `modules`: `sources of crane_plants`."""
-    packages = {module.partition(".")[0] for module in modules} - {"cranectl"}
-    return {f"sources of {package}": _package_digest(package) for package in sorted(packages)}
 
 
 def _package_digest(package: str) -> str:
@@ -91,7 +50,7 @@ def _files_in(folder: Path) -> list[Path]:
 def _module_digest(path: Path) -> str:
     """Return a digest of a module without a package, and of the modules that it imports from its folder."""
     folder, waiting, seen = path.parent, [path], {path}
-    while waiting and folder.name not in INSTALLED:  # other packages lie there too
+    while waiting and folder.name not in Provenance.INSTALLED:  # other packages lie there too
         for name in _imported(waiting.pop()) - {"cranectl"}:
             module, package = folder / f"{name}.py", folder / name
             new = {module} if module.is_file() else set(_files_in(package)) if package.is_dir() else set()
@@ -117,58 +76,7 @@ def fingerprint(root: Path, paths: Iterable[Path]) -> str:
     for name, path in sorted((path.relative_to(root).as_posix(), path) for path in paths):
         content = path.read_bytes().replace(b"\r\n", b"\n")
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
-    return digest.hexdigest()[:FINGERPRINT_DIGITS]
-
-
-def provenance_differences(
-    versions: Mapping[str, str], now: Mapping[str, str], *, word: str = "now", harmless: bool = False
-) -> list[str]:
-    """Return which versions may explain different numbers, such as `sources 12ab, now 34cd`.
-
-    A version that one of them lacks is unknown, and an unknown version always counts as different. `word`
-    replaces `now`. If `harmless`, the result includes versions that affect no number.
-    """
-    names = dict.fromkeys([*now, *versions, *FINGERPRINTS])
-    pairs = [(name, versions.get(name, UNKNOWN), now.get(name, UNKNOWN)) for name in names]
-    return [
-        f"{name} {one}, {word} {other}"
-        for name, one, other in pairs
-        if (one != other or one == UNKNOWN) and (harmless or name not in HARMLESS)
-    ]
-
-
-@functools.cache
-def installed() -> dict[str, str]:
-    """Return the versions of Python and of the packages that decide numbers, and the kind of machine."""
-    versions = {name: importlib.metadata.version(name) for name in PACKAGES}
-    return {"python": platform.python_version(), **versions, "machine": platform.machine()}
-
-
-def other_software(made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[str]]:
-    """Return each difference from the installed software, with the labels to which it applies."""
-    others: dict[str, list[str]] = {}
-    for label, versions in made_by.items():
-        for difference in provenance_differences(versions, provenance()):
-            others.setdefault(difference, []).append(label)
-    return others
-
-
-def syntax_of(content: bytes) -> bytes:
-    """Return the syntax tree of Python source as text, without comments and docstrings.
-
-    So these do not affect a digest. The text does not depend on the version of Python. Docstrings stay if the
-    source contains ``__doc__``. Content that is not valid Python is returned unchanged.
-    """
-    try:
-        tree = ast.parse(content)
-    except (SyntaxError, ValueError):
-        return content
-    if b"__doc__" not in content:
-        documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-        for node in ast.walk(tree):
-            if isinstance(node, documented) and ast.get_docstring(node, clean=False) is not None:
-                del node.body[0]
-    return _text(tree).encode()
+    return digest.hexdigest()[: Provenance.DIGITS]
 
 
 def _text(node: object) -> str:
@@ -193,3 +101,110 @@ def _merged(parts: list[Any]) -> list[Any]:
         elif text := "".join(str(part.value) for part in group):
             merged.append(text)
     return merged
+
+
+class Provenance:
+    """Versions and fingerprints that decide the numbers of a run, by name."""
+
+    PACKAGES = (
+        "cranectl",
+        "mujoco",
+        "numpy",
+        "scipy",
+        "numba",
+        "llvmlite",
+        "control",
+        "ctrlsys",
+        "foxglove-sdk",
+    )
+    FINGERPRINTS = ("sources", "models", "data")
+    HARMLESS = ("python", "foxglove-sdk")  # versions that affect no number of a run
+    INSTALLED = ("site-packages", "dist-packages")  # folders of packages
+    DIGITS = 16  # of a fingerprint, hexadecimal
+
+    @classmethod
+    def now(cls) -> dict[str, str]:
+        """Return versions and fingerprints of this program by name; the first time takes some 10 ms."""
+        return {**cls.installed(), **cls.fingerprints(), **cls.extensions()}
+
+    @staticmethod
+    @functools.cache
+    def fingerprints() -> dict[str, str]:
+        """Return digests of the package's sources, the models and the scenarios, campaigns and limits."""
+        package = Path(__file__).parents[1]
+        sources = (path for path in package.rglob("*.py") if "_data" not in path.parts[len(package.parts) :])
+        models, data = Shipped.MODEL_FILE.parent, Shipped.TOLERANCE_FILE.parent
+        # Results of a benchmark hold all that its files say: one controller more, or one tuned, changes no
+        # other. Proofs are in the checkout only, and no run reads them.
+        apart = {Shipped.BENCHMARKS.folder, data / "proofs"}
+        said = (path for path in data.rglob("*.toml") if apart.isdisjoint(path.parents))
+        return {
+            "sources": fingerprint(package, sources),
+            "models": fingerprint(models, models.rglob("*.xml")),
+            "data": fingerprint(data, said),
+        }
+
+    @staticmethod
+    @functools.cache
+    def installed() -> dict[str, str]:
+        """Return the versions of Python and of the packages that decide numbers, and the kind of machine."""
+        versions = {name: importlib.metadata.version(name) for name in Provenance.PACKAGES}
+        return {"python": platform.python_version(), **versions, "machine": platform.machine()}
+
+    @staticmethod
+    @functools.cache
+    def extensions() -> dict[str, str]:
+        """Return versions of the packages that add metrics or plants, and digests of their sources."""
+        entries = [entry for point in COUNTED for entry in importlib.metadata.entry_points(group=point.group)]
+        versions = {entry.dist.name: entry.dist.version for entry in entries if entry.dist}
+        return versions | Provenance.sources_of(entry.module for entry in entries)
+
+    @staticmethod
+    def sources_of(modules: Iterable[str]) -> dict[str, str]:
+        """Return digests of all files of foreign packages with `modules`: `sources of crane_plants`."""
+        packages = {module.partition(".")[0] for module in modules} - {"cranectl"}
+        return {f"sources of {package}": _package_digest(package) for package in sorted(packages)}
+
+    @classmethod
+    def differences(
+        cls, versions: Mapping[str, str], now: Mapping[str, str], *, word: str = "now", harmless: bool = False
+    ) -> list[str]:
+        """Return which versions may explain different numbers, such as `sources 12ab, now 34cd`.
+
+        A version that one of them lacks is unknown, and an unknown version always counts as different. `word`
+        replaces `now`. If `harmless`, the result includes versions that affect no number.
+        """
+        names = dict.fromkeys([*now, *versions, *cls.FINGERPRINTS])
+        pairs = [(name, versions.get(name, UNKNOWN), now.get(name, UNKNOWN)) for name in names]
+        return [
+            f"{name} {one}, {word} {other}"
+            for name, one, other in pairs
+            if (one != other or one == UNKNOWN) and (harmless or name not in cls.HARMLESS)
+        ]
+
+    @classmethod
+    def others(cls, made_by: Mapping[str, Mapping[str, str]]) -> dict[str, list[str]]:
+        """Return each difference from the installed software, with the labels to which it applies."""
+        others: dict[str, list[str]] = {}
+        for label, versions in made_by.items():
+            for difference in cls.differences(versions, cls.now()):
+                others.setdefault(difference, []).append(label)
+        return others
+
+    @staticmethod
+    def syntax_of(content: bytes) -> bytes:
+        """Return the syntax tree of Python source as text, without comments and docstrings.
+
+        So these do not affect a digest. The text does not depend on the version of Python. Docstrings stay
+        if the source contains ``__doc__``. Content that is not valid Python is returned unchanged.
+        """
+        try:
+            tree = ast.parse(content)
+        except (SyntaxError, ValueError):
+            return content
+        if b"__doc__" not in content:
+            documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+            for node in ast.walk(tree):
+                if isinstance(node, documented) and ast.get_docstring(node, clean=False) is not None:
+                    del node.body[0]
+        return _text(tree).encode()

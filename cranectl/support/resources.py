@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from cranectl.support.errors import InputError, did_you_mean
+from cranectl.support.errors import InputError
 from cranectl.support.files import exists
 
 _PACKAGE = Path(__file__).parents[1]
@@ -56,11 +56,17 @@ class Shipped:
         beside = sorted(file.name for file in path.parent.glob("*.toml")) if exists(path.parent) else []
         raise InputError(
             f"cannot read {name_or_path}: no such file or directory"
-            if is_path(name_or_path)
+            if self.is_path(name_or_path)
             else f"unknown {self.kind} '{name_or_path}', which is no file or directory either",
             allowed=f"the path of a TOML file, or by name {', '.join(names)}",
-            remedy=did_you_mean(path.name, [*names, *beside]) or "choose one of these, or correct the path",
+            remedy=InputError.did_you_mean(path.name, [*names, *beside])
+            or "choose one of these, or correct the path",
         )
+
+    @staticmethod
+    def is_path(name_or_path: str) -> bool:
+        """Return True if the text is a path to a file: it has a directory or a file ending."""
+        return "/" in name_or_path or Path(name_or_path).suffix != ""
 
 
 Shipped.SCENARIOS = Shipped("scenario", _ROOT / "validation" / "scenarios")
@@ -68,8 +74,3 @@ Shipped.RIGS = Shipped("rig", _ROOT / "validation" / "rigs")
 Shipped.CAMPAIGNS = Shipped("campaign", _ROOT / "validation" / "campaigns")
 Shipped.BENCHMARKS = Shipped("benchmark", _ROOT / "validation" / "benchmark")
 Shipped.REGRESSIONS = Shipped("tolerance file", _ROOT / "validation" / "regression")
-
-
-def is_path(name_or_path: str) -> bool:
-    """Return True if the text is a path to a file: it has a directory or a file ending."""
-    return "/" in name_or_path or Path(name_or_path).suffix != ""

@@ -4,43 +4,43 @@ Python puts it first for `python -c`, which `multiprocessing` and libraries use.
 would replace the standard module.
 """
 
-import contextlib
 import os
 import threading
-from collections.abc import Iterator
-
-SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
-MARK = "cranectl"  # the value that marks it as set here, and not by the user
-_lock = threading.Lock()
-_blocks = 0  # of `safe_path` that are open, in any thread
+from typing import ClassVar
 
 
-@contextlib.contextmanager
-def safe_path() -> Iterator[None]:
-    """Keep the working directory out of the import path of the processes that the block starts.
+class SafePath:
+    """A `with` block that keeps the working directory out of the import path of the processes it starts.
 
-    The processes call `forget_safe_path`, so that scripts that they start can import from their own folder.
+    The processes call `forget`, so that scripts that they start can import from their own folder.
     """
-    global _blocks
-    with _lock:
-        _blocks += 1
-        if not os.environ.get(SAFE_PATH):
-            os.environ[SAFE_PATH] = MARK
-    try:
-        yield
-    finally:
-        with _lock:
-            _blocks -= 1
-            if not _blocks:
-                forget_safe_path()
 
+    VARIABLE = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
+    MARK = "cranectl"  # the value that marks it as set here, and not by the user
+    _lock = threading.Lock()
+    _open: ClassVar[list["SafePath"]] = []  # in any thread
 
-def forget_safe_path() -> None:
-    """Let scripts that start from now on import from their own folder, unless the user forbids it."""
-    if os.environ.get(SAFE_PATH) == MARK:
-        del os.environ[SAFE_PATH]
+    def __enter__(self) -> None:
+        with self._lock:
+            self._open.append(self)
+            if not os.environ.get(self.VARIABLE):
+                os.environ[self.VARIABLE] = self.MARK
 
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._open.remove(self)
+            if not self._open:
+                self.forget()
 
-def users_environment() -> dict[str, str]:
-    """Return the environment for a program of the user, without what `safe_path` adds."""
-    return {name: value for name, value in os.environ.items() if (name, value) != (SAFE_PATH, MARK)}
+    @classmethod
+    def forget(cls) -> None:
+        """Let scripts that start from now on import from their own folder, unless the user forbids it."""
+        if os.environ.get(cls.VARIABLE) == cls.MARK:
+            del os.environ[cls.VARIABLE]
+
+    @classmethod
+    def users_environment(cls) -> dict[str, str]:
+        """Return the environment for a program of the user, without what the block adds."""
+        return {
+            name: value for name, value in os.environ.items() if (name, value) != (cls.VARIABLE, cls.MARK)
+        }

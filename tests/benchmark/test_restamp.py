@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.table import FAILED
 from cranectl.support.documents import read_toml
-from cranectl.support.provenance import fingerprints
+from cranectl.support.provenance import Provenance
 from validation.proofs import restamp
 
 ROWS = 2
@@ -85,7 +85,7 @@ def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -
             assert np.array_equal(judged.trials[trial].metrics[name], values, equal_nan=True), (trial, name)
     *old, new = judged.about["made_by"]
     assert old == table.about["made_by"]
-    assert new["sources"] == fingerprints()["sources"]
+    assert new["sources"] == Provenance.fingerprints()["sources"]
 
 
 def test_a_crane_that_cannot_be_simulated_runs_again_like_others() -> None:

@@ -13,7 +13,7 @@ from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import completed_rig
 from cranectl.support.arrays import Array
-from cranectl.support.jit import address_of
+from cranectl.support.compiled_step import CompiledStep
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 LENGTH, MASS, PERIOD = 25.0, 1000.0, 1e-3
@@ -55,7 +55,7 @@ def commands(controller: Controller, rig: RigParameters, length: float, mass: fl
         Nominal(rig, "velocity", period, reference[:samples], measurements[0, :10], values)
     )
     parameters, memory = (np.array(array, dtype=np.float64) for array in prepared)
-    step, result = Step(address_of(controller.step)), np.zeros((samples, 3))
+    step, result = Step(CompiledStep.address_of(controller.step)), np.zeros((samples, 3))
     for k in range(samples):
         measured = (
             measurements[k]

@@ -14,7 +14,7 @@ from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.support.documents import leaves, read_toml
-from cranectl.support.provenance import syntax_of
+from cranectl.support.provenance import Provenance
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from validation.proofs.freeze import freeze, frozen_seed
@@ -119,5 +119,5 @@ def test_own_controller_is_that_of_the_freeze() -> None:
     """If it computes something else, new cranes must be drawn, and all controllers run again."""
     tree = ast.parse((ROOT / "cranectl" / "controllers" / "lqr_offset_free.py").read_bytes())
     tree.body = [node for node in tree.body if not isinstance(node, ast.Import | ast.ImportFrom)]
-    code = syntax_of(ast.unparse(tree).encode())
+    code = Provenance.syntax_of(ast.unparse(tree).encode())
     assert hashlib.sha256(code).hexdigest().startswith(OWN_CODE)

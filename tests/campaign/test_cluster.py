@@ -23,7 +23,7 @@ from cranectl.campaign.results import Store, open_store
 from cranectl.campaign.worker import StoppedError
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import provenance
+from cranectl.support.provenance import Provenance
 from tests.campaign.results import parts_of
 from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
@@ -144,7 +144,7 @@ def test_a_batch_is_left_when_another_thread_says_so(cluster: LocalCluster) -> N
 def test_other_software_is_refused(
     name: str, phrase: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    versions = provenance() | {name: "1.0"}
+    versions = Provenance.now() | {name: "1.0"}
     monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda *_: versions)  # not the worker's
     error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error

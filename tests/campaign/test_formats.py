@@ -14,7 +14,7 @@ from cranectl.campaign.results import MANIFEST_FILE, open_store, read_results
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import fingerprints
+from cranectl.support.provenance import Provenance
 
 SAMPLES = Path(__file__).parent / "samples"
 SAMPLE = f"format-{FORMAT}"
@@ -55,7 +55,7 @@ def test_it_can_be_reported(samples: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(command) == 0
     out = capsys.readouterr().out
     assert "33.3  9.7-70.0     0.0524" in out
-    assert f"sources 70bca0eedddf5057, now {fingerprints()['sources']}" in out
+    assert f"sources 70bca0eedddf5057, now {Provenance.fingerprints()['sources']}" in out
     makers = json.loads((samples / "found.json").read_text())["software"]
     assert [maker["runs"] for maker in makers] == [6, 6]
     assert [maker["versions"]["sources"] for maker in makers] == ["70bca0eedddf5057", "0123456789abcdef"]

@@ -1,6 +1,5 @@
 """A result of two versions of the software is refused, or accepted and reported run by run."""
 
-import importlib
 import json
 import shutil
 import subprocess
@@ -15,9 +14,9 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.results import MANIFEST_FILE, PARTS, read_results
 from cranectl.campaign.table import part_name, write_part
 from cranectl.cli.main import main
+from cranectl.support.provenance import Provenance
 from tests.support.test_provenance import copy_checkout
 
-provenance = importlib.import_module("cranectl.support.provenance")  # the face has a function of this name
 LAST = Batch("analytic", "pole-placement", 128, 160)
 RESUME = ["campaign", "run", "small.toml", "--out", "result", "--resume"]
 CHANGED = {"sources": "00ff00ff00ff00ff"}
@@ -52,7 +51,7 @@ def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
     command = [sys.executable, "-c", FROM_ELSEWHERE, str(checkout), *RESUME]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 2, ended.stderr
-    assert f"made by other software: sources {provenance.fingerprints()['sources']}, now " in ended.stderr
+    assert f"made by other software: sources {Provenance.fingerprints()['sources']}, now " in ended.stderr
     assert "models" not in ended.stderr.partition("allowed")[0]
     assert "--despite-differences" in ended.stderr
     assert contents() == before
@@ -61,9 +60,9 @@ def test_a_result_is_not_resumed_by_other_physics(tmp_path: Path) -> None:
 def test_what_is_accepted_is_told(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    installed = provenance.fingerprints()
+    installed = Provenance.fingerprints()
     with monkeypatch.context() as patched:
-        patched.setattr(provenance, "fingerprints", lambda: installed | CHANGED)
+        patched.setattr(Provenance, "fingerprints", lambda: installed | CHANGED)
         assert main(RESUME) == 2
         capsys.readouterr()
         assert main([*RESUME, "--despite-differences", "--json", "found.json"]) == 0
@@ -95,8 +94,8 @@ def test_one_program_says_nothing_but_in_record_and_parts(capsys: pytest.Capture
     assert json.loads(Path("result", MANIFEST_FILE).read_text())["accepted"] == []
     metadata = parquet.read_schema(next(Path("result", PARTS).iterdir())).metadata
     assert {
-        name: metadata[name.encode()].decode() for name in provenance.fingerprints()
-    } == provenance.fingerprints()
+        name: metadata[name.encode()].decode() for name in Provenance.fingerprints()
+    } == Provenance.fingerprints()
 
 
 def test_a_replay_that_differs_names_the_other_program(
@@ -104,8 +103,8 @@ def test_a_replay_that_differs_names_the_other_program(
 ) -> None:
     """One bit of one metric is changed, in a part that is valid otherwise."""
     replay = ["campaign", "replay", "result", "--run", "0", "--controller", "lqr", "--json", "found.json"]
-    now = provenance.fingerprints() | CHANGED
-    monkeypatch.setattr(provenance, "fingerprints", lambda: now)
+    now = Provenance.fingerprints() | CHANGED
+    monkeypatch.setattr(Provenance, "fingerprints", lambda: now)
     assert main(replay) == 0, "the bits decide"
     assert "made by other software: sources " in capsys.readouterr().out
     results = read_results("result", unfinished=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from cranectl import support
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
+from cranectl.support.provenance import Provenance
 from tests.cli.arguments import SHORT, STOP
 from tests.conftest import PAIR
 from tests.remedies import prepared
@@ -198,8 +198,8 @@ def test_runs_with_different_loads_are_not_merged(capsys: pytest.CaptureFixture[
 def test_logs_of_other_versions_merge_only_on_request(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    newer = {**support.provenance(), "mujoco": "99.0"}
-    monkeypatch.setattr(support, "provenance", lambda: newer)
+    newer = {**Provenance.now(), "mujoco": "99.0"}
+    monkeypatch.setattr(Provenance, "now", lambda: newer)
     pair = ("analytic.mcap", "mujoco.mcap")
     error = bad_input(capsys, *pair, "--merge", "both.mcap")
     assert "analytic.mcap and this installation differ in: mujoco 4" in error

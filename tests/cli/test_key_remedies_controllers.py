@@ -95,7 +95,7 @@ CASES = {
         Case("give {}.{} such a value: {}", ["lqr-integral", f"{INTEGRAL}.input_weight=-1.0"],
              ["lqr-integral", f"{INTEGRAL}.input_weight=1.0"]),
     ],
-    "support/arguments.py": [
+    "support/errors.py": [
         Case("give {}", "law.py:Never", "law.py:Law"),
     ],
     "controllers/preparation.py": [

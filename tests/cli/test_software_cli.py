@@ -1,6 +1,5 @@
 """Logs of other software: `info`, `report`, `compare` and the golden check report the differences."""
 
-import importlib
 import json
 import shutil
 from pathlib import Path
@@ -8,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-
-provenance = importlib.import_module("cranectl.support.provenance")  # the face has a function of this name
+from cranectl.support.provenance import Provenance
 
 OTHER = {"sources": "00ff00ff00ff00ff"}
 NAMED = "sources 00ff00ff00ff00ff"
@@ -20,10 +18,10 @@ SHORT = ["--set", "duration=0.1", "--set", "disturbances=[]", "--plant", "analyt
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a log of this version, one of other sources, and one without information on its sources."""
     folder = tmp_path_factory.mktemp("logs")
-    own = provenance.fingerprints()
+    own = Provenance.fingerprints()
     for name, sources in (("new", own), ("other", own | OTHER), ("old", {})):
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(provenance, "fingerprints", lambda sources=sources: sources)
+            patched.setattr(Provenance, "fingerprints", lambda sources=sources: sources)
             assert main(["run", "fixed-position", *SHORT, "--out", str(folder / f"{name}.mcap")]) == 0
     return folder
 
@@ -44,7 +42,7 @@ def test_the_golden_check_reports_other_software_and_judges_by_numbers(
 ) -> None:
     check = ["--tolerances", "exact", "--json", "result.json"]
     out = output_of(capsys, "compare", "new.mcap", "other.mcap", *check)
-    now = provenance.fingerprints()["sources"]
+    now = Provenance.fingerprints()["sources"]
     assert f"golden was made by other software: {NAMED}, other {now}" in out
     assert json.loads(Path("result.json").read_text())["software_differences"] == [f"{NAMED}, other {now}"]
     shutil.copy("new.mcap", "same.mcap")
@@ -63,12 +61,12 @@ def test_compare_reports_other_software(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_info_reports_other_software(capsys: pytest.CaptureFixture[str]) -> None:
     out = output_of(capsys, "info", "other.mcap")
-    assert f"differs      {NAMED}, now {provenance.fingerprints()['sources']}\n" in out
+    assert f"differs      {NAMED}, now {Provenance.fingerprints()['sources']}\n" in out
     assert "differs" not in output_of(capsys, "info", "new.mcap")
     assert "sources unknown, now" in output_of(capsys, "info", "old.mcap")
     result = json.loads(output_of(capsys, "info", "new.mcap", "--json", "-"))
     assert result["software_differences"] == []
-    assert provenance.fingerprints().items() <= result["versions"].items()
+    assert Provenance.fingerprints().items() <= result["versions"].items()
 
 
 def test_report_reports_other_software(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,8 @@ from numba import carray
 from cranectl import Logged, RunStatus, Signal, Slots
 from cranectl.controllers.addressed import _call
 from cranectl.controllers.slots import per_axis
-from cranectl.support.jit import address_of, jit
+from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.jit import jit
 
 MEMORY = Slots(error=3, begun=1, ring=0)
 PARAMETERS = Slots(gain=1, limit=2)
@@ -53,7 +54,7 @@ def test_arrays_have_numbers_by_slot_and_zeros_elsewhere() -> None:
 
 def test_compiled_code_reads_and_writes_by_name() -> None:
     memory, command = MEMORY.array(ring=np.zeros(2)), np.zeros(3)
-    address, parameters = address_of(step), PARAMETERS.array(gain=3.0, limit=[4.0, 5.0])
+    address, parameters = CompiledStep.address_of(step), PARAMETERS.array(gain=3.0, limit=[4.0, 5.0])
     assert called(address, parameters, memory, command) == 0
     np.testing.assert_array_equal(memory, MEMORY.array(error=[0, 0, 15.0], begun=1, ring=[0, 7.0]))
     assert command[0] == 4.0

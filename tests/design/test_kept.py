@@ -10,6 +10,7 @@ import pytest
 from cranectl.design import CONTROLLERS, Design, controllers, design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError
+from cranectl.support.provenance import Provenance
 
 # Faces of rooms have functions of these names.
 kept = importlib.import_module("cranectl.support.kept")
@@ -62,7 +63,7 @@ def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> Non
 def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
     fresh("lqr")
     compute_never(monkeypatch)
-    monkeypatch.setattr(kept, "installed", lambda: {"scipy": "other"})
+    monkeypatch.setattr(Provenance, "installed", lambda: {"scipy": "other"})
     with pytest.raises(AssertionError, match="computed again"):
         fresh("lqr")
 

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from ctypes import POINTER, c_double
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,8 @@ import pytest
 
 from cranectl.export.package import INCLUDED
 from cranectl.export.unit import Unit
-from cranectl.support.compiled_step import FAILED
+from cranectl.support.compiled_step import CompiledStep
 from cranectl.support.errors import InputError
-from cranectl.support.jit import STEP, address_of
 from tests.export.exported import COMPILERS, address_in, compile_c
 from tests.export.steps import STEPS
 
@@ -38,8 +36,7 @@ def built(step: Step, folder: Path, compiler: str = COMPILERS[0], options: str =
 def results(address: int, measured: np.ndarray, reference: np.ndarray) -> tuple[int, bytes]:
     """Return the status of a step, and the bits of memory and command."""
     parameters, memory, command = np.array([0.3, -1.7, 2.9]), np.full(20, 0.25), np.zeros(3)
-    arrays = (parameters, measured, reference, memory, command)
-    status = STEP(address)(*(array.ctypes.data_as(POINTER(c_double)) for array in arrays))
+    status = CompiledStep.call(address, parameters, measured, reference, memory, command)
     numbers = np.concatenate([memory, command])
     return status, np.where(np.isnan(numbers), np.nan, numbers).tobytes()
 
@@ -47,7 +44,7 @@ def results(address: int, measured: np.ndarray, reference: np.ndarray) -> tuple[
 @pytest.mark.parametrize("options", ["-O0", "-O3"])
 @pytest.mark.parametrize("step", STEPS, ids=lambda step: step.__name__)
 def test_it_does_what_python_does(step: Step, options: str, tmp_path: Path) -> None:
-    ours, theirs = address_of(step), built(step, tmp_path, options=options)
+    ours, theirs = CompiledStep.address_of(step), built(step, tmp_path, options=options)
     random = np.random.default_rng(7)
     seen, divided_by_zero = set(), 0
     for _ in range(3000):
@@ -56,10 +53,12 @@ def test_it_does_what_python_does(step: Step, options: str, tmp_path: Path) -> N
             measured[random.integers(2, 12)] = random.choice([math.nan, math.inf, -0.0, 0.0, 1e200])
         expected = results(ours, measured, reference)
         exported = results(theirs, measured, reference)
-        if expected[0] == FAILED:  # a run ends where whole numbers are divided by zero; C code goes on with 0
+        if (
+            expected[0] == CompiledStep.FAILED
+        ):  # a run ends where whole numbers are divided by zero; C code goes on with 0
             assert step.__name__ == "arithmetic"
             assert int(10.0 * measured[1]) == 0
-            assert exported[0] != FAILED
+            assert exported[0] != CompiledStep.FAILED
             divided_by_zero += 1
             continue
         assert exported == expected

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from cranectl.cli import exit_codes
 from cranectl.cli.main import main
-from cranectl.support.interrupts import is_caused_by_interrupt
+from cranectl.support.interrupts import Interruption
 from tests.fuzz.oracle import DOCUMENTED_CODES, UNSAFE_CHARACTERS
 from tests.pace import HANG
 
@@ -124,7 +124,7 @@ def _work(
         limit()
         code = main(["--traceback", *arguments])
     except BaseException as error:  # a signal before the command could handle it
-        code = exit_codes.INTERRUPTED if is_caused_by_interrupt(error) else code
+        code = exit_codes.INTERRUPTED if Interruption.is_cause_of(error) else code
     finally:
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):

@@ -17,7 +17,7 @@ from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
-from cranectl.support.children import spawn_child
+from cranectl.support.children import Child
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice, fixed
 from tests.loaders.controller_files import (
@@ -183,13 +183,13 @@ def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) ->
 
 
 def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    started = []
+    started, spawn = [], Child.spawn
 
     def counted(*given: Any) -> Any:
         started.append(given)
-        return spawn_child(*given)
+        return spawn(*given)
 
-    monkeypatch.setattr("cranectl.campaign.workers.spawn_child", counted)
+    monkeypatch.setattr(Child, "spawn", counted)
     name = open_controller(str(built(law.parent)))
     with Children() as children:
         for mass in (0.5, 0.9):

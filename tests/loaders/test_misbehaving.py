@@ -13,8 +13,8 @@ from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
-from cranectl.support import foreign_code
 from cranectl.support.errors import InputError, MachineError
+from cranectl.support.foreign_code import ForeignCode
 from tests.pace import HANG
 
 SHORT = ["duration=0.05", "disturbances=[]", "reference.segments=[]"]
@@ -159,7 +159,7 @@ def test_threads_that_run_foreign_code_at_once_leave_standard_output_as_it_was()
     entered, second, left = threading.Event(), threading.Event(), threading.Event()
 
     def first() -> None:
-        with foreign_code.contained():
+        with ForeignCode.contained("a test has been running"):
             entered.set()
             assert second.wait(HANG)
         left.set()
@@ -167,7 +167,7 @@ def test_threads_that_run_foreign_code_at_once_leave_standard_output_as_it_was()
     thread = threading.Thread(target=first)
     thread.start()
     assert entered.wait(HANG)
-    with foreign_code.contained():
+    with ForeignCode.contained("a test has been running"):
         second.set()
         assert left.wait(HANG)
         assert sys.stdout is sys.stderr

@@ -2,27 +2,27 @@
 
 import os
 from math import inf
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from cranectl import open_controller
 from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import copy_of, open_again
-from cranectl.support.children import spawn_child
+from cranectl.support.children import Child
+from cranectl.support.parent import Parent
 
 
-def tell(connection: Connection, shared: SharedControllers) -> None:
+def tell(parent: Parent, shared: SharedControllers) -> None:
     """In a child: open what is shared, and say what is open, and where copies lie."""
     open_again(shared)
     copies = [copy_of(file) for file in shared.files]
-    connection.send((ALL_CONTROLLERS.digests(OPEN.files), copies))
+    parent.send((ALL_CONTROLLERS.digests(OPEN.files), copies))
 
 
 def test_a_child_has_what_is_shared_and_copies_where_its_parent_removes_them(law: Path) -> None:
     names = [open_controller(f"{law}:damper"), open_controller(f"{law}:BridgeServo")]
     environment = dict(os.environ)
-    child = spawn_child(tell, OPEN.share(names[:1]))
+    child = Child.spawn(tell, OPEN.share(names[:1]))
     digests, copies = child.receive(inf)
     child.end()
     assert digests == ALL_CONTROLLERS.digests(names[:1])

@@ -20,7 +20,7 @@ from cranectl.log.writer import write_logged
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from cranectl.support.provenance import FINGERPRINTS
+from cranectl.support.provenance import Provenance
 from tests.log.corruption import put_together, take_apart
 
 SAMPLES = Path(__file__).parent / "samples"
@@ -154,9 +154,9 @@ def test_settings_and_margins_of_a_sample_log_are_read() -> None:
 
 
 def test_a_log_without_fingerprints_is_read(tmp_path: Path) -> None:
-    assert not {*FINGERPRINTS, "machine"} & describe_log(LIVE.path).versions.keys()
+    assert not {*Provenance.FINGERPRINTS, "machine"} & describe_log(LIVE.path).versions.keys()
     parts = take_apart(PAIR.path)
-    for name in (*FINGERPRINTS, "llvmlite", "machine"):
+    for name in (*Provenance.FINGERPRINTS, "llvmlite", "machine"):
         del parts.meta("versions").metadata[name]
     path = tmp_path / "a.mcap"
     path.write_bytes(put_together(parts))

@@ -302,7 +302,7 @@ def test_the_command_prints_the_recovered_runs(part: Path, capsys: pytest.Captur
 WRITE = """
 import os, sys
 from pathlib import Path
-from cranectl.support.interrupts import heed_interrupts, interrupt
+from cranectl.support.interrupts import Interruption
 from cranectl.log import writer
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
@@ -324,7 +324,7 @@ def kill_before_rename(*_):
     os.kill(os.getpid(), number)
 
 def write(path):
-    heed_interrupts(interrupt)
+    Interruption.heed()
     if moment >= 0:
         writer.open_channel = Channel
     else:

@@ -139,13 +139,13 @@ def nested_cells(depth: int) -> bytes:
 def processes(monkeypatch: pytest.MonkeyPatch) -> list[Child]:
     """Return the processes that read files, as they start."""
     started: list[Child] = []
-    start = isolated.spawn_child
+    start = Child.spawn
 
     def spawn(*inputs: Any) -> Child:
         started.append(start(*inputs))
         return started[-1]
 
-    monkeypatch.setattr(isolated, "spawn_child", spawn)
+    monkeypatch.setattr(Child, "spawn", spawn)
     return started
 
 

@@ -12,7 +12,7 @@ import pytest
 from cranectl.plants.mujoco.own_file import spec_of_file
 from cranectl.scenario.rig import ModelNames
 from cranectl.support.errors import InputError
-from cranectl.support.search_path import SAFE_PATH
+from cranectl.support.search_path import SafePath
 from tests.plants.own_models import MODELS, changed
 from tests.shadowing_modules import write_shadowing_modules
 
@@ -117,7 +117,9 @@ def test_an_unstable_model_ends_its_run_and_writes_nothing_beside_it(tmp_path: P
 def test_a_module_of_the_working_directory_is_not_run_with_the_engine(tmp_path: Path) -> None:
     """One of the engine's libraries starts `python -c` when it is loaded."""
     imported = write_shadowing_modules(tmp_path)
-    environment = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", SAFE_PATH)}
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", SafePath.VARIABLE)
+    }
     script = "import os; import cranectl.plants.mujoco.plant; print(os.environ.get('PYTHONSAFEPATH'))"
     done = subprocess.run(
         [sys.executable, "-P", "-c", script],

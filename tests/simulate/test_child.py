@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import click
@@ -15,8 +14,9 @@ from click.testing import CliRunner
 from cranectl.cli.controller_options import timeout_option
 from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
-from cranectl.support.children import spawn_child
-from cranectl.support.compiled_step import report_failure
+from cranectl.support.children import Child
+from cranectl.support.compiled_step import CompiledStep
+from cranectl.support.parent import Parent
 from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
 
@@ -57,8 +57,8 @@ def test_an_interrupt_ends_a_run_with_a_controller_in_a_child_in_order(tmp_path:
     assert len(recorded.time_ns) == 251  # of the first block every fourth, and the last
 
 
-def tell_path(connection: Connection) -> None:
-    connection.send((os.environ.get("PYTHONSAFEPATH"), sys.path))
+def tell_path(parent: Parent) -> None:
+    parent.send((os.environ.get("PYTHONSAFEPATH"), sys.path))
 
 
 def test_a_module_of_the_working_directory_is_not_run_in_a_new_process(
@@ -68,7 +68,7 @@ def test_a_module_of_the_working_directory_is_not_run_in_a_new_process(
     imported = write_shadowing_modules(tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
-    child = spawn_child(tell_path)
+    child = Child.spawn(tell_path)
     safe, path = child.receive(HANG)
     child.end()
     assert imported.read_text() == ""
@@ -81,7 +81,7 @@ def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.Capture
         raise ValueError("a\x1b[2Jb\nc")
 
     list(blocks_in_child(advance, 1, "law\x07", 60.0))
-    report_failure("law\x07", ValueError("a\x1b[2Jb\nc"))
+    CompiledStep.report("law\x07", ValueError("a\x1b[2Jb\nc"))
     message = capfd.readouterr().err
     assert message.count("ValueError: a\\x1b[2Jb\\nc") == 2
     assert message.isascii()

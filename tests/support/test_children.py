@@ -7,26 +7,17 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 
 import pytest
 
 from cranectl.support import children
-from cranectl.support.children import (
-    STARTING,
-    Child,
-    ChildError,
-    Timeout,
-    answer_of_program,
-    fork_child,
-    requests,
-    spawn_child,
-)
+from cranectl.support.children import Child, Program, Timeout
 from cranectl.support.errors import InputError
+from cranectl.support.parent import Parent
 from tests.conftest import ROOT
 from tests.pace import HANG
 
-START = {"spawned": spawn_child, "forked": fork_child}
+START = {"spawned": Child.spawn, "forked": Child.fork}
 
 
 @pytest.fixture(params=START)
@@ -34,49 +25,49 @@ def start(request: pytest.FixtureRequest) -> Callable[..., Child]:
     return START[request.param]
 
 
-def die(connection: Connection) -> None:
-    connection.send("first")
+def die(parent: Parent) -> None:
+    parent.send("first")
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def leave(connection: Connection) -> None:
-    connection.send("first")
+def leave(parent: Parent) -> None:
+    parent.send("first")
     os._exit(5)
 
 
-def be_killed(connection: Connection) -> None:
-    connection.send("first")
+def be_killed(parent: Parent) -> None:
+    parent.send("first")
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def hang(connection: Connection) -> None:
-    connection.send("first")
+def hang(parent: Parent) -> None:
+    parent.send("first")
     time.sleep(10.0 * HANG)
 
 
-def close_and_hang(connection: Connection) -> None:
-    connection.send("first")
-    connection.close()
+def close_and_hang(parent: Parent) -> None:
+    parent.send("first")
+    parent.connection.close()
     time.sleep(10.0 * HANG)
 
 
-def start_a_program(connection: Connection) -> None:
+def start_a_program(parent: Parent) -> None:
     """Start what outlives its parent, and say so before and after."""
-    connection.send(STARTING)
+    parent.send(Parent.STARTING)
     program = os.posix_spawn("/bin/sleep", ["sleep", str(10.0 * HANG)], {})
-    connection.send(STARTING)
-    connection.send(program)
+    parent.send(Parent.STARTING)
+    parent.send(program)
     time.sleep(10.0 * HANG)
 
 
-def refuse(connection: Connection) -> None:
-    connection.send(InputError("no", allowed="yes", remedy="do"))
+def refuse(parent: Parent) -> None:
+    parent.send(InputError("no", allowed="yes", remedy="do"))
     time.sleep(10.0 * HANG)
 
 
-def double(connection: Connection) -> None:
-    for number in requests(connection):
-        connection.send(2 * number)
+def double(parent: Parent) -> None:
+    for number in parent.requests():
+        parent.send(2 * number)
 
 
 @pytest.mark.parametrize(
@@ -95,12 +86,21 @@ def test_a_lost_child_is_noticed_after_its_last_message(
     child = start(work)
     assert child.receive(HANG) == "first"
     for _ in range(1 if is_silent else 2):
-        with pytest.raises(ChildError) as caught:
+        with pytest.raises(Child.Error) as caught:
             child.receive(0.5 if is_silent else HANG)
         lost = caught.value
         assert (str(lost), lost.is_killed, lost.is_silent) == (text, is_killed, is_silent)
     assert not is_running(child.pid)
     child.end()  # once more
+
+
+def test_who_ends_with_a_signal_of_its_own_was_not_killed() -> None:
+    killed = [
+        code
+        for code in (0, 1, 75, *(-number for number in signal.Signals))
+        if Child.Error(code, 1.0).is_killed
+    ]
+    assert sorted(killed) == sorted((-signal.SIGKILL, -signal.SIGTERM))
 
 
 def test_no_timeout_counts_while_a_program_starts_which_ends_with_the_child(
@@ -114,7 +114,7 @@ def test_no_timeout_counts_while_a_program_starts_which_ends_with_the_child(
             super().__init__(pid, math.inf)
 
     monkeypatch.setattr(children, "Timeout", Noted)
-    child = fork_child(start_a_program)
+    child = Child.fork(start_a_program)
     program = child.receive(7.0)
     assert allowed == [7.0, math.inf, 7.0]
     assert is_running(program)
@@ -134,14 +134,14 @@ def test_an_error_that_a_child_sends_is_raised(start: Callable[..., Child]) -> N
 
 
 def test_a_child_answers_until_its_parent_has_no_more_requests() -> None:
-    child = spawn_child(double)
+    child = Child.spawn(double)
     for number in (3, 4):
         child.send(number)
         assert child.receive(HANG) == 2 * number
     child.send(None)
-    with pytest.raises(ChildError, match="exit code 0"):
+    with pytest.raises(Child.Error, match="exit code 0"):
         child.receive(HANG)
-    with pytest.raises(ChildError, match="exit code 0"):
+    with pytest.raises(Child.Error, match="exit code 0"):
         child.send(5)
 
 
@@ -152,7 +152,7 @@ def test_a_look_is_taken_while_a_child_is_waited_for() -> None:
         if error := next(looks):
             raise error
 
-    child = fork_child(hang)
+    child = Child.fork(hang)
     assert child.receive(HANG) == "first"
     with pytest.raises(InputError, match="enough"):
         child.receive(HANG, look)
@@ -162,9 +162,9 @@ def test_a_look_is_taken_while_a_child_is_waited_for() -> None:
 def test_a_program_answers_or_is_ended() -> None:
     echo = "import sys; print(sys.stdin.read()[::-1], end=''); print('oh', file=sys.stderr); sys.exit(3)"
     command = [sys.executable, "-c", echo]
-    assert answer_of_program(command, HANG, question="abc") == (3, "cba", "oh\n")
+    assert Program.ask(command, HANG, question="abc") == (3, "cba", "oh\n")
     with pytest.raises(TimeoutError):
-        answer_of_program([sys.executable, "-c", "while True: pass"], 0.5)
+        Program.ask([sys.executable, "-c", "while True: pass"], 0.5)
 
 
 def test_one_module_starts_processes() -> None:

@@ -13,13 +13,8 @@ import pytest
 
 from cranectl.cli import output
 from cranectl.cli.main import cli, main
-from cranectl.support.interrupts import (
-    SIGNALS,
-    heed_interrupts,
-    interrupt,
-    interrupts_wait,
-    reported_when_slow,
-)
+from cranectl.support.foreign_code import ForeignCode
+from cranectl.support.interrupts import Interruption
 from tests.pace import HANG
 
 ROOT = Path(__file__).parents[2]
@@ -28,18 +23,18 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def usual_signals() -> Iterator[None]:
     """Commands that ran in this process before had them changed."""
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    for number in SIGNALS:
+    before = {number: signal.getsignal(number) for number in Interruption.SIGNALS}
+    for number in Interruption.SIGNALS:
         signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", Interruption.SIGNALS)
 def test_each_of_them_interrupts_once(number: signal.Signals) -> None:
     """A shell passes its hang-up on to those who were hung up on already."""
-    before = heed_interrupts(interrupt)
+    before = Interruption.heed()
     assert before == {
         signal.SIGINT: signal.default_int_handler,
         signal.SIGTERM: signal.SIG_DFL,
@@ -53,7 +48,7 @@ def test_each_of_them_interrupts_once(number: signal.Signals) -> None:
 CALLBACK = f"""
 import ctypes, os, time
 from cranectl.support.interrupts import *
-heed_interrupts(interrupt)
+Interruption.heed()
 callback = ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), NUMBER))
 try:
     callback(); time.sleep({HANG})
@@ -63,13 +58,13 @@ except KeyboardInterrupt:
 IGNORED = """
 import os
 from cranectl.support.interrupts import *
-heed_interrupts(interrupt)
+Interruption.heed()
 os.kill(os.getpid(), NUMBER)
 print('goes on')
 """
 
 
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", Interruption.SIGNALS)
 @pytest.mark.parametrize(
     ("script", "before", "printed"),
     [(CALLBACK, "", "interrupted\n"), (IGNORED, "trap '' NAME; ", "goes on\n")],
@@ -96,7 +91,7 @@ def lacking():
         yield
     finally:
         raise MemoryError
-heed_interrupts(interrupt)
+Interruption.heed()
 half = Half(0); del half.whole; del half; print('-', file=sys.stderr)
 generator = lacking(); next(generator); del generator
 try:
@@ -120,7 +115,7 @@ COMPILED = f"try:\n    {LOADING}\nexcept BaseException as error: raise ImportErr
 
 
 @pytest.mark.parametrize("library", [f"exec({LOADING!r})", COMPILED])
-@pytest.mark.parametrize("number", SIGNALS)
+@pytest.mark.parametrize("number", Interruption.SIGNALS)
 def test_an_interrupt_counts_while_the_command_is_loaded(
     number: signal.Signals, library: str, tmp_path: Path
 ) -> None:
@@ -156,14 +151,14 @@ def test_an_interrupt_waits_for_the_end_of_the_block() -> None:
     steps = []
 
     def interrupted() -> None:
-        with interrupts_wait():
+        with Interruption.delayed():
             os.kill(os.getpid(), signal.SIGINT)
             steps.append("after the signal")
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert steps == ["after the signal"]
-    with pytest.raises(OSError, match="full"), interrupts_wait():
+    with pytest.raises(OSError, match="full"), Interruption.delayed():
         raise OSError("full")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # as in workers of a pool, whose parent decides
@@ -175,7 +170,7 @@ def test_no_interrupt_waits_in_other_threads() -> None:
     passed = []
 
     def work() -> None:
-        with interrupts_wait():
+        with Interruption.delayed():
             passed.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=work)
@@ -189,5 +184,8 @@ def test_nothing_waits_for_a_thread_that_cannot_begin(monkeypatch: pytest.Monkey
     monkeypatch.setattr(_thread, "start_new_thread", lambda *_: 0)
     monkeypatch.setattr(threading, "_start_new_thread", lambda *_: pytest.fail("would wait for ever"))
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
-    with reported_when_slow("a file has been loading"), output.progress_bar(1.0, "run") as advance:
+    with (
+        ForeignCode.reported_when_slow("a file has been loading"),
+        output.progress_bar(1.0, "run") as advance,
+    ):
         advance(1.0)

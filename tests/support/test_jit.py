@@ -1,6 +1,5 @@
 """The cache of compiled code."""
 
-import importlib
 import os
 import shutil
 import stat
@@ -11,10 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support import directories, sources
-
-# Faces of rooms have functions of these names.
-jit = importlib.import_module("cranectl.support.jit")
+from cranectl.support import directories, kernel_cache, sources
+from cranectl.support.jit import jit
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +49,7 @@ def test_a_change_in_an_imported_module_counts(
 
 def test_kernels_depend_on_every_module_that_they_call() -> None:
     """What the loop over the analytic plant is compiled from, but not the command line."""
-    package = Path(jit.__file__).parents[1]
+    package = Path(kernel_cache.__file__).parents[1]
     seen = sources.imported_files(package / "simulate/loops.py", package / "plants/analytic.py")
     names = {str(path.relative_to(package)) for path in seen}
     kernels = {"model/dynamics.py", "controllers/flat.py", "plants/surroundings.py", "plants/dop853.py"}
@@ -78,7 +75,7 @@ def test_code_of_another_user_is_never_run(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     here = os.geteuid()
     (tmp_path / f"cranectl-{here + 1}").mkdir()
-    file = jit._CheckedFile(str(tmp_path), "kernel", "sources")
+    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", "sources")
     file.save("signature", "code")
     assert file.load("signature") == "code"
     monkeypatch.setattr(os, "geteuid", lambda: here + 1)
@@ -129,7 +126,7 @@ def test_compiled_functions_leave_numbas_own_setting_alone() -> None:
 
     before = numba.config.CACHE_DIR
 
-    @jit.jit
+    @jit
     def double(x):
         return 2 * x
 
@@ -143,16 +140,16 @@ def test_who_waits_at_a_terminal_is_told_once_that_it_compiles(
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    jit._announce_compilation.cache_clear()
+    kernel_cache._announce_compilation.cache_clear()
 
     def half(x):
         return x / 2
 
-    assert (jit.jit(half)(3.0), jit.jit(half)(3)) == (1.5, 1.5)
+    assert (jit(half)(3.0), jit(half)(3)) == (1.5, 1.5)
     told = capsys.readouterr().err
     assert told.count(str(tmp_path)) == told.count("\n") == terminal
-    jit._announce_compilation.cache_clear()
-    assert jit.jit(half)(3.0) == 1.5
+    kernel_cache._announce_compilation.cache_clear()
+    assert jit(half)(3.0) == 1.5
     assert capsys.readouterr().err == "", "it was found compiled"
 
 
@@ -221,24 +218,24 @@ def test_a_cache_that_a_job_restores_is_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", [lambda _: b"", lambda _: b"garbage", flipped(0.1), flipped(0.98)])
 @pytest.mark.parametrize("suffix", ["nbc", "nbi"])
 def test_any_damage_is_found(tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]) -> None:
-    file = jit._CheckedFile(str(tmp_path), "kernel", "sources")
+    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", "sources")
     file.save("signature", "code")
     (path,) = tmp_path.glob(f"*.{suffix}")
     path.write_bytes(damage(path.read_bytes()))
     try:
         assert file.load("signature") is None
-    except jit._DamageError:
+    except kernel_cache._DamageError:
         assert suffix == "nbc"
 
 
 def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
     """Two versions share a place: one renews a file between the other's reading of index and of data."""
-    file, other = (jit._CheckedFile(str(tmp_path), "kernel", f"sources {k}") for k in (1, 2))
+    file, other = (kernel_cache._CheckedFile(str(tmp_path), "kernel", f"sources {k}") for k in (1, 2))
     file.save("signature", "code")
     assert file.load("signature") == "code"
     assert other.load("signature") is None
     other.save("signature", "other code")
-    with pytest.raises(jit._DamageError):
+    with pytest.raises(kernel_cache._DamageError):
         file._load_data(file._data_name(1))
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from cranectl.support import sources
+from cranectl.support.provenance import Provenance
 
-# Faces of rooms have functions of these names.
+# The face has a function of this name.
 kept = importlib.import_module("cranectl.support.kept")
-provenance = importlib.import_module("cranectl.support.provenance")
 
 # What a process really loads, calls and reads while it plans motions and designs controllers.
 WATCH = """
@@ -55,7 +55,7 @@ PLANNER, DESIGNER = (sources.PACKAGE / name for name in ("planning/plan.py", "de
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path)
-    monkeypatch.setattr(kept, "syntax_of", functools.cache(provenance.syntax_of))
+    monkeypatch.setattr(Provenance, "syntax_of", functools.cache(Provenance.syntax_of))
 
 
 def digest(

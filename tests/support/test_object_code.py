@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 from numba import types
 
-from cranectl.support.jit import jit_object
-from cranectl.support.packed import array_at
+from cranectl.support.jit import Specialised
+from cranectl.support.packed import Block
 
+array_at = Block.array_at
 POINTER: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
 
 
@@ -19,4 +20,4 @@ def needing(pointer, places):  # type: ignore[no-untyped-def]
 
 def test_a_function_that_needs_python_is_refused() -> None:
     with pytest.raises(TypeError, match=r"needs .*Py"):
-        jit_object(needing, "needing", (POINTER, types.int64))
+        Specialised(needing, "needing").object_code((POINTER, types.int64))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numba import types
 
-from cranectl.support.jit import jit_address
-from cranectl.support.packed import array_at, packed, type_of, unpacker
+from cranectl.support.jit import Specialised
+from cranectl.support.packed import Block
 
 
 class Part(NamedTuple):
@@ -31,6 +31,7 @@ class Whole(NamedTuple):
 
 
 unpack: Any = None
+array_at = Block.array_at
 
 
 def _look(block, found):  # type: ignore[no-untyped-def]
@@ -49,15 +50,15 @@ def test_compiled_code_finds_what_was_packed_and_shares_its_arrays() -> None:
     small = np.array([1, 2, 3, -4], dtype=np.int32)
     whole = Whole(Part(True, 2.5, None, -3, (0.1, 0.2, 0.3), grid, small), np.float64(9.75))
     pointer: Any = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
-    address = jit_address(_look, "test", (pointer, pointer), unpack=unpacker(type_of(whole)))
+    block, found = Block(whole), np.zeros(8)
+    address = Specialised(_look, "test", unpack=Block.unpacker(block.kind)).address((pointer, pointer))
     call = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)(address)
-    block, found = packed(whole), np.zeros(8)
-    assert call(block.ctypes.data, found.ctypes.data) == 5
+    assert call(block.numbers.ctypes.data, found.ctypes.data) == 5
     assert found.tolist() == [1.0, 2.5, -3.0, 0.3, grid[1, 2], -4.0, 7.0, 9.75]
     assert grid[0, 1] == -7.0
 
 
 def test_only_numbers_arrays_and_tuples_are_packed() -> None:
-    assert packed(()).shape == (1,)
+    assert Block(()).numbers.shape == (1,)
     with pytest.raises(TypeError, match="str is neither a number nor an array"):
-        packed((1.0, ("text",)))
+        Block((1.0, ("text",)))

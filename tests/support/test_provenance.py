@@ -8,18 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.support.provenance import (
-    FINGERPRINTS,
-    PACKAGES,
-    fingerprint,
-    fingerprints,
-    provenance,
-    provenance_differences,
-)
+from cranectl.support.provenance import Provenance, fingerprint
 from cranectl.support.resources import Shipped
 from tests.conftest import ROOT
 
-ASKED = "import json; from cranectl.support.provenance import fingerprints; print(json.dumps(fingerprints()))"
+ASKED = """
+import json
+from cranectl.support.provenance import Provenance
+print(json.dumps(Provenance.fingerprints()))
+"""
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +67,9 @@ def test_one_changed_file_is_named(copied: Path, changed: str, named: str | None
             path.unlink()
         else:
             path.write_bytes(before)
-    differ = [name for name in FINGERPRINTS if now[name] != fingerprints()[name]]
+    differ = [name for name in Provenance.FINGERPRINTS if now[name] != Provenance.fingerprints()[name]]
     assert differ == ([named] if named else [])
-    assert provenance().keys() == {"python", *PACKAGES, "machine", *FINGERPRINTS}
+    assert Provenance.now().keys() == {"python", *Provenance.PACKAGES, "machine", *Provenance.FINGERPRINTS}
 
 
 def test_everything_shipped_is_covered() -> None:
@@ -80,7 +77,7 @@ def test_everything_shipped_is_covered() -> None:
 
     Pictures, schemas, what the benchmark has found decide nothing; laws, some in C, have their own digests.
     """
-    assert {"mujoco", "numba", "llvmlite", "numpy", "scipy", "control", "ctrlsys"} <= set(PACKAGES)
+    assert {"mujoco", "numba", "llvmlite", "numpy", "scipy", "control", "ctrlsys"} <= set(Provenance.PACKAGES)
     models, data = Shipped.MODEL_FILE.parent, Shipped.TOLERANCE_FILE.parent
     kinds = {path.suffix for path in models.rglob("*") if path.is_file()}
     assert kinds == {".xml"}
@@ -108,16 +105,16 @@ def test_names_and_contents_count_and_line_endings_do_not(tmp_path: Path) -> Non
 
 def test_differences_are_named_and_unknown_is_one() -> None:
     now = {"python": "3.11", "mujoco": "4.0.0", "sources": "ab", "models": "cd", "data": "ef"}
-    assert provenance_differences(now, now) == []
+    assert Provenance.differences(now, now) == []
     other = now | {"python": "3.12", "sources": "12"}
-    assert provenance_differences(other, now) == ["sources 12, now ab"]
-    assert provenance_differences(other, now, harmless=True, word="here") == [
+    assert Provenance.differences(other, now) == ["sources 12, now ab"]
+    assert Provenance.differences(other, now, harmless=True, word="here") == [
         "python 3.12, here 3.11",
         "sources 12, here ab",
     ]
     old = {"python": "3.11", "mujoco": "4.0.0"}
     unknown = ["sources unknown, now ab", "models unknown, now cd", "data unknown, now ef"]
-    assert provenance_differences(old, now) == unknown
-    assert len(provenance_differences(old, old)) == 3, "of two that do not tell nobody knows"
-    assert provenance_differences(now, old)[0] == "sources ab, now unknown"
-    assert provenance_differences(now | {"numba": "1"}, now) == ["numba 1, now unknown"]
+    assert Provenance.differences(old, now) == unknown
+    assert len(Provenance.differences(old, old)) == 3, "of two that do not tell nobody knows"
+    assert Provenance.differences(now, old)[0] == "sources ab, now unknown"
+    assert Provenance.differences(now | {"numba": "1"}, now) == ["numba 1, now unknown"]

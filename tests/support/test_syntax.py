@@ -2,7 +2,7 @@
 
 import pytest
 
-from cranectl.support.provenance import syntax_of
+from cranectl.support.provenance import Provenance
 
 SOURCE = b'''"""A gain."""
 
@@ -36,17 +36,17 @@ def test_what_runs_counts_and_comments_docstrings_and_layout_do_not(
 ) -> None:
     other = SOURCE.replace(old, new)
     assert other != SOURCE
-    assert (syntax_of(other) != syntax_of(SOURCE)) == counts
+    assert (Provenance.syntax_of(other) != Provenance.syntax_of(SOURCE)) == counts
 
 
 def test_docstrings_count_where_they_are_read() -> None:
     read = SOURCE + b"LENGTH = float(gain.__doc__)\n"
-    assert syntax_of(read) != syntax_of(read.replace(b"Return it.", b"2.0"))
+    assert Provenance.syntax_of(read) != Provenance.syntax_of(read.replace(b"Return it.", b"2.0"))
 
 
 def test_the_text_is_that_of_every_version_of_python() -> None:
-    assert syntax_of(b"gain: 16\x00") == b"gain: 16\x00", "what is no Python counts as it is"
-    assert syntax_of(b'def f(x):\n    "It."\n    return f"{x:{3}}a" "b"\n').decode() == (
+    assert Provenance.syntax_of(b"gain: 16\x00") == b"gain: 16\x00", "what is no Python counts as it is"
+    assert Provenance.syntax_of(b'def f(x):\n    "It."\n    return f"{x:{3}}a" "b"\n').decode() == (
         "Module(body=[FunctionDef(name='f',args=arguments(args=[arg(arg='x')]),"
         "body=[Return(value=JoinedStr([FormattedValue(value=Name(id='x',ctx=Load()),conversion=-1,"
         "format_spec=JoinedStr([FormattedValue(value=Constant(value=3),conversion=-1)])),'ab']))])])"

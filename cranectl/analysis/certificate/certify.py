@@ -34,7 +34,7 @@ from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, MujocoPlant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import linearised_controller, tracker_of
-from cranectl.support import InputError, check_ascending
+from cranectl.support import InconsistentError, InputError
 
 MAX_DELAY_SAMPLES = 300  # a point then takes 2 s; no controller here is stable with half of this delay
 UNIT_ROUNDING = 1e-9  # of a distance or margin that lies between zero and one
@@ -121,10 +121,16 @@ class PointVerdict:
     def __post_init__(self) -> None:
         """Raise InconsistentError for margins and gaps that contradict each other, or the poles."""
         for name, value in (("the margin", self.margin), ("the nu-gap", self.gap)):
-            check_ascending(("zero", 0.0), (name, value), ("one", 1.0), rounding=UNIT_ROUNDING)
-        check_ascending(("what is left of the margin", self.left), ("the margin", self.margin))
+            InconsistentError.check_ascending(
+                ("zero", 0.0), (name, value), ("one", 1.0), rounding=UNIT_ROUNDING
+            )
+        InconsistentError.check_ascending(
+            ("what is left of the margin", self.left), ("the margin", self.margin)
+        )
         if self.certified:
-            check_ascending(("the largest pole of a certified loop", self.closed_loop_radius), ("one", 1.0))
+            InconsistentError.check_ascending(
+                ("the largest pole of a certified loop", self.closed_loop_radius), ("one", 1.0)
+            )
 
     @property
     def difference(self) -> float:

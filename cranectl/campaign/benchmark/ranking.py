@@ -10,7 +10,7 @@ from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.table import VARIATION, BenchmarkTable, Runs
 from cranectl.campaign.benchmark.trials import Division, Trial
 from cranectl.campaign.summary import EFFORT
-from cranectl.support import Array, check_ascending
+from cranectl.support import Array, InconsistentError
 
 
 class Standing(NamedTuple):
@@ -37,9 +37,13 @@ class Standing(NamedTuple):
 def checked_standing(*fields: Any) -> Standing:
     """Return a standing; raise InconsistentError if counts or shares contradict each other."""
     standing = Standing(*fields)
-    check_ascending(("failures", standing.failures), (f"runs of {standing.controller}", standing.runs))
+    InconsistentError.check_ascending(
+        ("failures", standing.failures), (f"runs of {standing.controller}", standing.runs)
+    )
     for name, share in (("settled", standing.settled), ("unsettled", standing.unsettled)):
-        check_ascending(("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12)
+        InconsistentError.check_ascending(
+            ("zero", 0.0), (f"the share that {name}", share), ("one", 1.0), rounding=1e-12
+        )
     return standing
 
 

@@ -25,7 +25,7 @@ from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Engine
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.support import InputError, MachineError, Table, provenance_differences
+from cranectl.support import InputError, MachineError, Provenance, Table
 
 ANY_CONTROLLER = FLAT_FAMILY[0]  # stands for all where a result does not depend on the controller
 
@@ -101,7 +101,7 @@ def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
         return None
     expected = manifest_of(campaign)
     settings = {name: value for name, value in expected.items() if name not in ("versions", "accepted")}
-    is_own = any(not provenance_differences(o.versions, expected["versions"]) for o in results.origins)
+    is_own = any(not Provenance.differences(o.versions, expected["versions"]) for o in results.origins)
     return results if is_own and results.manifest | settings == results.manifest else None
 
 

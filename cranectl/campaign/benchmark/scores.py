@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.support import Array, Mask, check_ascending
+from cranectl.support import Array, InconsistentError, Mask
 
 SCORE_RESAMPLES = 2000  # number of bootstrap samples
 LEVEL = 0.95  # confidence level of the interval of a median
@@ -36,7 +36,7 @@ def paired_difference(values: Array, baseline: Array, seed: int) -> PairedDiffer
     tails = [50.0 * (1.0 - LEVEL), 50.0 * (1.0 + LEVEL)]
     low, high = np.percentile(np.median(difference[samples], axis=1), tails)
     effect = float(np.sign(difference).mean())
-    check_ascending(("the interval's low end", float(low)), ("its high end", float(high)))
+    InconsistentError.check_ascending(("the interval's low end", float(low)), ("its high end", float(high)))
     return PairedDifference(difference.size, float(np.median(difference)), float(low), float(high), effect)
 
 

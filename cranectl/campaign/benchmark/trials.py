@@ -28,7 +28,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import limits_of
 from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
-from cranectl.support import FINGERPRINT_DIGITS, InputError, is_path, leaves, syntax_of
+from cranectl.support import InputError, Provenance, Shipped, leaves
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
@@ -202,7 +202,7 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
     Raises InputError if the file does not exist.
     """
     file = benchmark.scenarios[scenario].file
-    if not is_path(file):
+    if not Shipped.is_path(file):
         return file
     path = benchmark.file.parent / file
     if not path.is_file():
@@ -236,8 +236,8 @@ def rules_of(benchmark: Benchmark) -> str:
     """
     text = stated_rules(benchmark)
     for path in sorted(Path(inspect.getfile(cranectl.metrics)).parent.glob("*.py")):
-        text += syntax_of(path.read_bytes()).decode()
-    return hashlib.sha256(text.encode()).hexdigest()[:FINGERPRINT_DIGITS]
+        text += Provenance.syntax_of(path.read_bytes()).decode()
+    return hashlib.sha256(text.encode()).hexdigest()[: Provenance.DIGITS]
 
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:

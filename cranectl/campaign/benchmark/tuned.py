@@ -13,7 +13,7 @@ from cranectl.controllers import ALL_CONTROLLERS, OPEN
 from cranectl.support import (
     FileKind,
     InputError,
-    fingerprints,
+    Provenance,
     leaves,
     read_toml,
     replacing,
@@ -63,7 +63,7 @@ def code_of(controller: str) -> str | None:
 
 def search_of(controller: str, rules: str) -> str:
     """Return a digest of all that decides the points of a search: rules, controller, sources."""
-    text = " ".join([rules, controller, code_of(controller) or "", fingerprints()["sources"]])
+    text = " ".join([rules, controller, code_of(controller) or "", Provenance.fingerprints()["sources"]])
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -34,7 +34,7 @@ from cranectl.metrics import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
-from cranectl.support import InputError, MachineError, check_ascending
+from cranectl.support import InconsistentError, InputError, MachineError
 
 # Costs of a run, see `run_cost`.
 MAX_COMPLETED, STOPPED, REFUSED = 5.0, 10.0, 20.0
@@ -113,7 +113,7 @@ class Tuned:
 
 def consistent_points(untuned: Point, half: Point, full: Point) -> dict[str, Point]:
     """Return the points by name; raise InconsistentError if a larger budget gave a larger cost."""
-    check_ascending(
+    InconsistentError.check_ascending(
         ("the cost with the whole budget", full.cost),
         ("that with half the budget", half.cost),
         ("that of the untuned numbers", untuned.cost),

@@ -14,7 +14,7 @@ from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import state_of_sites
 from cranectl.scenario import ModelNames
 from cranectl.signals import ALPHA, ROPE
-from cranectl.support import FINGERPRINT_DIGITS, Array, InputError
+from cranectl.support import Array, InputError, Provenance
 
 AXES = ("bridge", "trolley", "rope", "alpha", "beta")
 MAX_NEWTON_STEPS = 50
@@ -239,7 +239,7 @@ def _digest(spec: mujoco.MjSpec) -> str:
     model = spec.compile()
     compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
-    return hashlib.sha256(compiled.tobytes()).hexdigest()[:FINGERPRINT_DIGITS]
+    return hashlib.sha256(compiled.tobytes()).hexdigest()[: Provenance.DIGITS]
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:

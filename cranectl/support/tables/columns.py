@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cranectl.support.arrays import Array
-from cranectl.support.errors import InputError, describe_error
+from cranectl.support.errors import InputError
 from cranectl.support.tables.stamps import seconds_of_stamps
 
 MAX_COLUMN_LENGTH = 20_000_000
@@ -89,7 +89,7 @@ def reported(where: str, kind: str = "") -> Iterator[None]:
         ) from None
     except Exception as error:  # files may break a library in any way
         raise InputError(
-            f"cannot read {where}{f', {kind}' if kind else ''}: {describe_error(error)[:300]}",
+            f"cannot read {where}{f', {kind}' if kind else ''}: {InputError.describe(error)[:300]}",
             allowed="a whole file, as its program writes it",
             remedy="write the file again, for example as CSV",
         ) from None
