@@ -19,7 +19,7 @@ from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
-from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
@@ -89,7 +89,7 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
         for group in run.groups
         for name in group.names
     }
-    reference = zip(REFERENCE.names, runs[0].reference.T, strict=True)
+    reference = zip(SignalGroup.REFERENCE.names, runs[0].reference.T, strict=True)
     return {"time": runs[0].time, **columns, **{f"reference.{name}": values for name, values in reference}}
 
 
@@ -269,7 +269,7 @@ def test_a_run_without_samples_exports_the_column_names(runs: list[Run]) -> None
 def test_selected_signals_keep_the_order_of_the_log(log: Path) -> None:
     patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
     assert main(["log", "export", str(log), *patterns]) == 0
-    state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
+    state = [f"mujoco.state.{name}" for name in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))[0].names]
     assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
 
 
@@ -284,10 +284,12 @@ def test_the_format_comes_from_the_option_or_the_ending() -> None:
 def test_the_documented_units_match_the_signals() -> None:
     """The table in docs/how-to/export.md gives the unit of every signal; its first matching row counts."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
-    groups = [(f"mujoco.{group.name}", group) for group in recorded_groups(flat_groups(2))]
+    groups = [
+        (f"mujoco.{group.name}", group) for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(2))
+    ]
     units = {
         f"{prefix}.{signal.name}": signal.unit
-        for prefix, group in [("reference", REFERENCE), *groups]
+        for prefix, group in [("reference", SignalGroup.REFERENCE), *groups]
         for signal in group.signals
     }
     rows = re.findall(r"^\| (.*) \| (\S+) \|$", text, re.MULTILINE)

@@ -117,11 +117,11 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None:
     """Return topic and field of all signals of runs without a reference; None if all runs have one."""
     from cranectl.log import DISTANCE, STEP, plant_topic
-    from cranectl.signals import REFERENCE
+    from cranectl.signals import SignalGroup
 
     if all(layer.run.has_reference for layer in layers.values()):
         return None
-    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": REFERENCE}
+    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": SignalGroup.REFERENCE}
     groups = {
         plant_topic(label, name): group
         for label, layer in layers.items()

@@ -109,10 +109,10 @@ def _residuals(prediction: "Run") -> list[dict[str, Any]]:
     """Return sizes and times of the residuals of a prediction as plain data, in SI units."""
     import numpy as np
 
-    from cranectl.signals import RESIDUAL
+    from cranectl.signals import SignalGroup
 
     residuals = []
-    for signal, values in zip(RESIDUAL.signals, prediction.block("residual").T, strict=True):
+    for signal, values in zip(SignalGroup.RESIDUAL.signals, prediction.block("residual").T, strict=True):
         worst = int(np.argmax(np.abs(values)))
         residuals.append(
             {

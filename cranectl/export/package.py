@@ -16,7 +16,7 @@ from cranectl.export.single import in_single_precision, measure_single
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, Signal
+from cranectl.signals import BRIDGE, ROPE, TROLLEY, Signal, SignalGroup
 from cranectl.support import Array, InputError, exact_seconds
 
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
@@ -138,7 +138,7 @@ def _values(exported: Exported) -> dict[str, str]:
 
 def _start(exported: Exported) -> str:
     """Return the state at the start, without angles and rates that are zero."""
-    state = zip(STATE.signals, exported.run.block("state")[0].tolist(), strict=True)
+    state = zip(SignalGroup.STATE.signals, exported.run.block("state")[0].tolist(), strict=True)
     return ", ".join(
         f"{signal.name.replace('_', ' ')} {value:.6g} {signal.unit}"
         for place, (signal, value) in enumerate(state)
@@ -165,7 +165,7 @@ def _signals(controller: Controller, design: ControllerDesign, memory: int) -> d
     logged: Iterable[tuple[int, Signal]] = controller.logged
     if controller.records_all:
         signals = [signal for group in design.groups for signal in group.signals]
-        known = {*FLAT_OUTPUT.names[:LOOPED], *ERROR.names[:LOOPED]}
+        known = {*SignalGroup.FLAT_OUTPUT.names[:LOOPED], *SignalGroup.ERROR.names[:LOOPED]}
         places = enumerate(signals, memory - len(signals))
         logged = [(place, signal) for place, signal in places if signal.name not in known]
     rows = [

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import REFERENCE, Signal
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import (
     Array,
@@ -156,7 +156,7 @@ def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> 
     # A log may lack the reference of the last sample of a run that stopped early, which is read as NaN.
     known = np.flatnonzero(~np.isnan(values).any(axis=1))
     rows, first = np.unique(np.searchsorted(time_ns, times[known]), return_index=True)
-    for signal, column in zip(REFERENCE.signals, values[known[first]].T, strict=True):
+    for signal, column in zip(SignalGroup.REFERENCE.signals, values[known[first]].T, strict=True):
         yield _column(prefix, signal, len(time_ns), rows, column)
 
 

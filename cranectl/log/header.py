@@ -19,7 +19,7 @@ from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, ch
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
-from cranectl.signals import REFERENCE, Signal, SignalGroup
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
 from cranectl.support import InputError, LogError, leaves, parse_json, provenance
@@ -79,7 +79,9 @@ class LogHeader(Sampling):
     def groups(self) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of all plants and the reference, by topic."""
         groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
-        return groups if self.own_groups is not None else {**groups, self.reference_topic: REFERENCE}
+        return (
+            groups if self.own_groups is not None else {**groups, self.reference_topic: SignalGroup.REFERENCE}
+        )
 
 
 def parse_header(

@@ -14,7 +14,7 @@ from cranectl.log import topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import PROCESSOR_ROUNDING, difference_text, provenance
 
@@ -47,7 +47,7 @@ def samples(runs: Sequence[Run]) -> list[Stream]:
     if runs[0].has_reference:
         time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
         reference = np.concatenate([run.reference for run in runs])[rows]
-        result.append(signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference))
+        result.append(signals(topics.REFERENCE_LOAD, SignalGroup.REFERENCE, time_ns, reference))
     return result + [stream for run in runs for stream in recorded(run)]
 
 

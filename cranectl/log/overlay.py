@@ -34,7 +34,7 @@ from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, write_container
 from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
-from cranectl.signals import REFERENCE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import VIEWER_SERIES, InputError, LogError
 
@@ -182,7 +182,7 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
         yield from recorded(run)
         if run.has_reference:
             reference = topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE)
-            yield signals(reference, REFERENCE, run.time_ns, run.reference)
+            yield signals(reference, SignalGroup.REFERENCE, run.time_ns, run.reference)
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             both = run.has("state", "load") and other.has("state", "load")

@@ -18,7 +18,7 @@ from cranectl.measured.replay import (
 )
 from cranectl.measured.responses import white_noise
 from cranectl.scenario import NANOSECONDS, RigParameters
-from cranectl.signals import STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask
 
@@ -256,7 +256,7 @@ class Experiment:
             self.run, MODEL, self.replay, scenario=scenario, commands=commands, initial=start
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
-        state = simulated.block(STATE.name)
+        state = simulated.block(SignalGroup.STATE.name)
         readings[: len(state)] = positions_before(state, late, self.period)
         readings[:, 2] += offset
         if ANGLE_DELAY in values:

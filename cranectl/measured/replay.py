@@ -19,7 +19,7 @@ from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.measured.followed_motion import MEASURED_MOTION
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
-from cranectl.signals import REFERENCE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Loop, Plan, Run, check_runs, make_plant
 from cranectl.support import Array, InputError
 
@@ -80,7 +80,7 @@ def simulate_replay(
     check_runs(scenario, ControllerDesign(controller.name), drive)
     plan = Plan(
         time_ns=time_ns,
-        reference=np.zeros((samples, len(REFERENCE))),
+        reference=np.zeros((samples, len(SignalGroup.REFERENCE))),
         reference_state=state,
         gravity=scenario.rig.gravity,
         initial_state=start,

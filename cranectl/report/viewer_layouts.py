@@ -28,12 +28,14 @@ from cranectl.report.viewer_panels import (
     without_legend,
 )
 from cranectl.scenario import RigParameters
-from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
+from cranectl.signals import Signal, SignalGroup
 from cranectl.support import VIEWER, VIEWER_SERIES, InputError
 
 Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {
-    (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
+    (group.name, signal.name): signal
+    for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))
+    for signal in group.signals
 }
 DISTANCE = topics.DISTANCE.signals[0]  # of the load
 SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
@@ -285,7 +287,7 @@ def _distance_plots(plants: Sequence[str]) -> list[Panel]:
 
 
 def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:
-    (signal,) = (signal for signal in REFERENCE.signals if signal.name == f"load_{axis}")
+    (signal,) = (signal for signal in SignalGroup.REFERENCE.signals if signal.name == f"load_{axis}")
     return _line(field_of(topic, signal.name), signal, signal.symbol, VIEWER["reference"])
 
 

@@ -21,7 +21,7 @@ from cranectl.controllers import (
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, PATH, REFERENCE
+from cranectl.signals import COLUMN, PATH, SignalGroup
 from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import LoopInputs, compiled_loop, python_loop
@@ -132,7 +132,7 @@ class Loop:
 
         `rows` has shape (N, 3) or (N, 9). Its copy is `inputs.controller.reference`.
         """
-        padded = np.zeros((len(rows), len(REFERENCE)))
+        padded = np.zeros((len(rows), len(SignalGroup.REFERENCE)))
         padded[:, : rows.shape[1]] = rows
         period, start = scenario.period_ns / NANOSECONDS, plan.initial_state
         nominal = Nominal(scenario.limited_rig, plant.drive, period, padded, start, {})

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from cranectl.design import ControllerDesign
 from cranectl.plants import Drive
 from cranectl.scenario import NANOSECONDS, Drawing, Scenario, nanoseconds
-from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support import InputError, exact_seconds
@@ -21,10 +21,10 @@ NUMBER = 8  # [bytes]
 COMMAND_UNDER_WAY = 3  # numbers for each sample of the delay
 WIND = 6  # numbers for each sample
 # Columns of a plan: time, reference, state, disturbance, wind. While it is made, the last two need more.
-PLANNED = 1 + len(REFERENCE) + len(STATE) + len(DISTURBANCE) + WIND
+PLANNED = 1 + len(SignalGroup.REFERENCE) + len(SignalGroup.STATE) + len(SignalGroup.DISTURBANCE) + WIND
 PLANNING = PLANNED + 8
 NOISE = 10  # columns: noise of the encoders, and the white noise that it is made of
-DIFFERENCE = len(STATE) + len(LOAD) + 2  # columns: difference of two plants in a log
+DIFFERENCE = len(SignalGroup.STATE) + len(SignalGroup.LOAD) + 2  # columns: difference of two plants in a log
 # [bytes] in a log for each plant and simulated second: poses and ropes, and the trail of the load.
 DRAWN, TRAIL = 30_000, 200_000
 
@@ -59,7 +59,7 @@ def check_runs(
     written = 0.0
     if logged:
         every = scenario.log.every
-        copied = (plants + 2) * len(REFERENCE) + 3 * (plants - 1) * DIFFERENCE
+        copied = (plants + 2) * len(SignalGroup.REFERENCE) + 3 * (plants - 1) * DIFFERENCE
         if scenario.steps % every:  # the last sample is logged too
             copied += columns * plants
         drawn = DRAWN + TRAIL / Drawing(scenario.rig).trail
@@ -81,7 +81,7 @@ def check_several(
 
     `columns` is how many numbers each sample needs besides the runs.
     """
-    whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
+    whole = sum(map(len, SignalGroup.recorded(design.groups, staged="velocity", forced=True)))
     needed = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
     check_held(scenario, needed, what, max_bytes=max_bytes)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import TENSION, SignalGroup, recorded_groups
+from cranectl.signals import TENSION, SignalGroup
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
 from cranectl.support import Array
@@ -17,12 +17,12 @@ from cranectl.support import Array
 def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """Return the groups of signals that a run records, in column order."""
     staged = DRIVES[drive].command if has_signal_path(scenario.effects, drive) else ""
-    return recorded_groups(design.groups, staged=staged, forced=scenario.forced)
+    return SignalGroup.recorded(design.groups, staged=staged, forced=scenario.forced)
 
 
 def record_width(design: ControllerDesign) -> int:
     """Return the number of columns of a run's record without those of its signal path."""
-    return sum(map(len, recorded_groups(design.groups)))
+    return sum(map(len, SignalGroup.recorded(design.groups)))
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.planning import load_scenario
 from cranectl.plants import Drive
 from cranectl.scenario import DesignSettings, Scenario
-from cranectl.signals import LOAD
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support import Shipped, read_toml
 
@@ -245,7 +245,7 @@ def _read_columns(run: Run, table: dict[str, Any]) -> dict[str, float]:
     """
     readings = {}
     for column, value in zip(table["columns"], table["rows"][run.design.name], strict=True):
-        group = "load" if column in LOAD.names else "input"
+        group = "load" if column in SignalGroup.LOAD.names else "input"
         rows = (run.time >= table.get("from", {}).get(column, 0.0)) & (run.time <= table["until"])
         signal = run.signal(f"{group}.{column}")[rows]
         extreme = signal.max() if value > 0.0 else signal.min()

@@ -26,7 +26,7 @@ from cranectl.report.run.first_screen import first_screen_of
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
-from cranectl.signals import RESIDUAL, measured_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import COLOURS, LIGHT
@@ -108,8 +108,8 @@ def runs() -> dict[str, Run]:
 # Families of figures of simulated runs, and the groups that only measured and predicted runs have.
 SIMULATED = [name for name, family in FAMILIES.items() if family.group not in ("axes", "residual")]
 MEASURED_GROUPS = {
-    "axes": measured_groups("", angles=False, load=False),
-    "residual": (RESIDUAL,),
+    "axes": SignalGroup.measured("", angles=False, load=False),
+    "residual": (SignalGroup.RESIDUAL,),
 }
 
 
