@@ -19,7 +19,6 @@ from cranectl.support import (
     ReadColumn,
     TableHead,
     format_of,
-    reported,
     requests,
     spawn_child,
 )
@@ -116,7 +115,7 @@ class _Answers:
     def __call__(self, reader: Reader | None, *inputs: Any) -> Any:
         """Return what the file holds if there is a `reader`, else a column; or what was refused."""
         try:
-            with reported(self._where, self._kind):
+            with TableHead.reading(self._where, self._kind):
                 if reader is None:
                     assert self._head is not None
                     return self._head.read(inputs[0], is_clock=inputs[1])
