@@ -21,8 +21,8 @@ from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, simulate_run
-from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError, matching
+from cranectl.support.trees import Tree
 from tests.conftest import PAIR, ROOT, cut, short_scenario
 from tests.packages import install, run_beside
 
@@ -76,7 +76,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
 
 def read_mat(path: Path) -> dict[str, Array]:
     content = loadmat(path, simplify_cells=True)
-    return dict(leaves({name: content[name] for name in ("time", *PAIR, "reference")}))
+    return dict(Tree({name: content[name] for name in ("time", *PAIR, "reference")}).leaves())
 
 
 READERS = {"csv": read_csv, "parquet": read_parquet, "mat": read_mat}
@@ -137,7 +137,7 @@ def test_mat_has_units_info_and_valid_matlab_names(log: Path, runs: list[Run]) -
     assert main(["log", "export", str(log), "--out", "a.mat"]) == 0
     content = loadmat("a.mat", simplify_cells=True)
     assert content["__header__"].startswith(b"MATLAB 5.0 MAT-file")
-    units = dict(leaves(content["units"]))
+    units = dict(Tree(content["units"]).leaves())
     assert list(units) == list(expected_columns(runs))
     assert units["mujoco.input.rope_acceleration"] == "m/s²"
     assert units["time"] == "s"

@@ -23,7 +23,7 @@ from cranectl.scenario import EFFECTS, NANOSECONDS, Scenario
 from cranectl.signals import ROPE, ROPE_RATE
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import merged
+from cranectl.support import Tree
 
 IMPROVEMENTS = 5  # number of improvements that are tried
 DRIVE_AND_SENSOR_EFFECTS = [name for name, kind in EFFECTS.items() if kind.is_staged and kind.adds]
@@ -219,7 +219,7 @@ def improved(scenario: Scenario) -> list[tuple[str, str, Scenario]]:
     ]  # fmt: skip
     table = scenario.model_dump(mode="json", exclude_none=True)
     return [
-        (name, change, Scenario.from_table(merged(table, new), f"{scenario.name}, better {name}"))
+        (name, change, Scenario.from_table(Tree(table).merged(new), f"{scenario.name}, better {name}"))
         for name, change, new in changes
     ]
 

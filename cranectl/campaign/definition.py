@@ -20,11 +20,9 @@ from cranectl.support import (
     SHOWN_NEAR_NAMES,
     Array,
     InputError,
-    assign,
+    Tree,
     did_you_mean,
     exact_seconds,
-    leaves,
-    mapped,
     nearest_first,
 )
 
@@ -126,9 +124,9 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     It takes about 0.1 ms. Raises InputError, whose text begins with `source`, if the scenario does not allow
     the values.
     """
-    table = mapped(campaign.nominal.model_dump())
+    table = Tree(campaign.nominal.model_dump()).mapped()
     for parameter, value in zip(campaign.parameters, values, strict=True):
-        assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
+        Tree(table).assign(parameter.name, int(value) if parameter.is_whole else float(value), source)
     return Scenario.from_table(table, source).with_files(campaign.nominal.held_files)
 
 
@@ -154,7 +152,7 @@ def numbers_of(scenario: Scenario) -> dict[str, float]:
 
 def _leaves_of(scenario: Scenario) -> dict[str, Any]:
     """Return all values by dotted names, without effects, rated load and look that a rig's file states."""
-    return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})))
+    return dict(Tree(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})).leaves())
 
 
 def _is_number(value: Any) -> bool:
@@ -236,7 +234,7 @@ def _parameter(
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
     """Return the error for a name that is no number; it lists the numbers below it, or similar names."""
-    everything = {**values, **dict(leaves(EffectNumbers().model_dump(), "effects"))}
+    everything = {**values, **dict(Tree(EffectNumbers().model_dump()).leaves("effects"))}
     known = [
         leaf
         for leaf, value in everything.items()

@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command
 from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
-from cranectl.support import FileKind, InputError, write_text, writing
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
@@ -109,8 +109,8 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         logged=design.signals if design and design.axis_design is None else None,
         recorded=_signals_without_reference(layers),
     )
-    with writing(out):
-        write_text(out, content)
+    with File(out).writing():
+        File(out).write_text(content)
     Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
 
 

@@ -12,7 +12,7 @@ import click
 
 from cranectl.cli.command import PATH, Command
 from cranectl.cli.counts import MAX_SEED, Count
-from cranectl.support import InputError, exists, write_text, writing
+from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table
@@ -170,12 +170,12 @@ def _write(texts: Mapping[Path, str], *, shared: str = "") -> None:
     """Write new files; raise InputError if one exists, but for the file `shared` with the same text."""
     for path, text in texts.items():
         same = path.name == shared and path.is_file() and path.read_text(encoding="utf-8") == text
-        if exists(path) and not same:
+        if File(path).exists() and not same:
             raise InputError(
                 f"{path} exists", allowed="a name that is free", remedy="choose another name, or another --in"
             )
     for path, text in texts.items():
-        with writing(path):
+        with File(path).writing():
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, text)
+            File(path).write_text(text)
         click.echo(f"written: {click.format_filename(path)}")

@@ -13,7 +13,7 @@ from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
 from cranectl.scenario import Settings
 from cranectl.signals import Signal, SignalGroup
-from cranectl.support import InputError, did_you_mean, parse_toml
+from cranectl.support import TOML, InputError, did_you_mean
 
 ENCODERS = {f"encoders.{name}": k for k, name in enumerate(SignalGroup.STATE.names[::2])}
 STATES = {f"state.{name}": k for k, name in enumerate(SignalGroup.STATE.names)}
@@ -71,7 +71,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     """
     declared = description.modelVariables
     source = str(file.path.with_suffix(".toml"))
-    table = FmuTable.from_table(parse_toml(file.table.decode("utf-8", "replace"), source), source)
+    table = FmuTable.from_table(TOML.parse(file.table.decode("utf-8", "replace"), source), source)
     all_inputs, all_outputs = (
         [variable for variable in declared if variable.causality == cause] for cause in ("input", "output")
     )

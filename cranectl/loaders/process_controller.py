@@ -31,12 +31,12 @@ from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
 from cranectl.support import (
+    TOML,
     Array,
     InputError,
     Timeout,
     check_name,
     in_background,
-    parse_toml,
     starting,
     users_environment,
 )
@@ -81,7 +81,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller that a TOML file or a UDP address describes; raise InputError."""
     table = {"address": file.reference}
     if not file.reference.startswith(UDP):
-        table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+        table = TOML.parse(file.content.decode("utf-8", "replace"), str(file.path))
     settings = ProcessSettings.from_table(table, file.reference)
     if not file.companions:  # a worker process already has these files
         file = _with_named_files(settings, file)

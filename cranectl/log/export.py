@@ -21,16 +21,7 @@ from numpy.typing import NDArray
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import (
-    Array,
-    Extensions,
-    FileKind,
-    InputError,
-    Mask,
-    matching,
-    replacing,
-    writing,
-)
+from cranectl.support import Array, Extensions, File, FileKind, InputError, Mask, matching
 
 # Replaces the header of SciPy, which has the date, so that the same run gives the same bytes. The format
 # requires 116 bytes.
@@ -133,7 +124,7 @@ def choose_exporter(name: str | None, out: Path | None) -> Exporter:
 
 def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
     """Write `table` to `path` in one atomic step; raise InputError if that fails."""
-    with writing(path, remedy="choose another place with --out"), replacing(path) as part:
+    with File(path).writing(remedy="choose another place with --out"), File(path).replacing() as part:
         exporter.write(table, part)
 
 

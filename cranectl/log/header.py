@@ -22,7 +22,7 @@ from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
-from cranectl.support import InputError, LogError, leaves, parse_json, provenance
+from cranectl.support import JSON, InputError, LogError, Tree, provenance
 
 FORMAT, WITHOUT_REFERENCE = "2", "3"  # written for runs with a reference, and for runs without
 FORMATS = (FORMAT, WITHOUT_REFERENCE)  # that can be read
@@ -188,7 +188,7 @@ def _count(text: str, *, least: int = 0) -> int:
 def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
     if name not in attachments:
         raise UnsupportedError(f"'{name}' is missing, as in filtered logs", FILTERED)
-    data = parse_json(attachments[name], name)
+    data = JSON.parse(attachments[name], name)
     if not isinstance(data, dict):
         raise TypeError(f"{name} is not a table")
     return data
@@ -199,7 +199,7 @@ def _design(data: dict[str, Any]) -> ControllerDesign:
     design = ControllerDesign.from_json(data)
     if design.axis_design is None:
         return design
-    for name, value in leaves(data):
+    for name, value in Tree(data).leaves():
         is_number = type(value) in (int, float) and not math.isnan(value)
         if not (value is None or name == "name" or is_number):
             raise TypeError(f"design.json holds {value!r} where a number belongs")
@@ -274,7 +274,7 @@ def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive)
             )
     for name, text in _documents(scenario, design).items():
         try:
-            parse_json(text, name)
+            JSON.parse(text, name)
         except InputError as error:
             raise InputError(
                 f"the run of {scenario.name} with {design.name} cannot be logged: {error.found}",

@@ -26,13 +26,13 @@ from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
 from cranectl.support import (
+    File,
     FileKind,
     InputError,
     LogError,
     check_whole,
     checks_arguments,
     interrupts_wait,
-    replacing,
 )
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
@@ -114,7 +114,7 @@ def write_container(
     context = foxglove.Context()
     part = None
     try:
-        with interrupts_wait(), replacing(path, keep_after=FAILURES) as part:
+        with interrupts_wait(), File(path).replacing(keep_after=FAILURES) as part:
             with KeptError(part) as target, open_file(target, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)

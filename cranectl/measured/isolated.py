@@ -14,11 +14,11 @@ from typing import Any
 
 from cranectl.support import (
     ChildError,
+    FileKind,
     InputError,
     MachineError,
     ReadColumn,
     TableHead,
-    format_of,
     requests,
     spawn_child,
 )
@@ -53,7 +53,7 @@ class _Process:
         self._where = where
         self._memory, self._seconds = int(share * MAX_READER_BYTES), int(share * MAX_PROCESSOR_TIME)
         with path.open("rb") as stream:
-            kind = format_of(stream.read(16)) or "a MATLAB file of version 4"
+            kind = FileKind.named(stream.read(16)) or "a MATLAB file of version 4"
         self._child = spawn_child(_serve, where, kind, tuple(libraries), (self._memory, self._seconds))
         weakref.finalize(self, self._child.end)
 

@@ -18,7 +18,7 @@ from cranectl.measured.isolated import read_isolated
 from cranectl.measured.mapping import LayoutMap
 from cranectl.measured.matlab import read_matlab
 from cranectl.measured.messages import read_bag, read_mcap
-from cranectl.support import InputError, TableHead, format_of, open_input
+from cranectl.support import File, FileKind, InputError, TableHead
 
 MAX_FILE_BYTES = 2**31  # of a file
 BEGIN_BYTES = 4096  # by which the type of a file is known
@@ -62,7 +62,7 @@ def read_head(path: Path, layout: LayoutMap | None = None) -> TableHead:
     if form:
         more: tuple[Signals | None, ...] = (layout.signals,) if form.has_arrays else ()
         return read_isolated(form.read, form.libraries, path, where, *more)
-    kind = "JSON" if _JSON_LIST.match(begins) else format_of(begins)
+    kind = "JSON" if _JSON_LIST.match(begins) else FileKind.named(begins)
     if kind and kind not in TEXT_FORMATS:
         raise InputError(f"{where} is {kind}", allowed=TableHead.READABLE, remedy="save it as CSV or Parquet")
     with TableHead.reading(where):
@@ -74,7 +74,7 @@ def _beginning(path: Path, where: str) -> bytes:
     try:
         mode, size = path.stat().st_mode, path.stat().st_size
         is_device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode) or stat.S_ISSOCK(mode)
-        with contextlib.nullcontext() if is_device else open_input(path) as stream:
+        with contextlib.nullcontext() if is_device else File(path).open() as stream:
             begins = stream.read(BEGIN_BYTES) if stream else None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(

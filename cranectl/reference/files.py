@@ -10,7 +10,7 @@ import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
 from cranectl.scenario import FromFile
-from cranectl.support import Array, InputError, open_input
+from cranectl.support import Array, File, InputError
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
@@ -54,7 +54,7 @@ def read_motion(path: Path, settings: FromFile, kinds: Sequence[str], where: str
     _check_settings_are_used(settings, kinds, where)
     where = f"{where}: {path}"
     try:
-        with open_input(path, piped=MAX_TABLE_BYTES + 1) as file:
+        with File(path).open(piped=MAX_TABLE_BYTES + 1) as file:
             magic = file.read(len(MCAP_MAGIC))
             content = b"" if magic == MCAP_MAGIC else magic + file.read(MAX_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name

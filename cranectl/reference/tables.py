@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cranectl.support import Array, InputError, ReadColumn, TableHead, format_of
+from cranectl.support import Array, FileKind, InputError, ReadColumn, TableHead
 
 MAX_FILE_ROWS = 2_000_000
 PARQUET_MAGIC = b"PAR1"
@@ -58,7 +58,7 @@ def _read_head(content: bytes, where: str) -> TableHead:
     if content.startswith(PARQUET_MAGIC):
         with TableHead.reading(where):
             return TableHead.of_parquet(pa.BufferReader(content), where, longest=MAX_FILE_ROWS)
-    if (kind := format_of(content)) and kind != UTF_16:
+    if (kind := FileKind.named(content)) and kind != UTF_16:
         raise InputError(
             f"{where} is {kind}", allowed=ALLOWED_FILES, remedy="save it as CSV in UTF-8, or as Parquet"
         )

@@ -19,7 +19,7 @@ from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
-from cranectl.support import LIGHT, SLACK_ROPE, Array, InputError, replacing, rgb, writing
+from cranectl.support import LIGHT, SLACK_ROPE, Array, File, InputError, rgb
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
@@ -122,7 +122,8 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     times = _times(timeline, settings)
     if settings.suffix == ".mp4":
         check_encoder()
-    with writing(settings.out), _painter(timeline, settings) as paint, replacing(settings.out) as part:
+    file = File(settings.out)
+    with file.writing(), _painter(timeline, settings) as paint, file.replacing() as part:
         pictures = _pictures(paint, times, progress)
         if settings.suffix == ".png":
             next(pictures).save(part, format="png", optimize=True)

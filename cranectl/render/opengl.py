@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cranectl import plants
-from cranectl.support import MARK, SAFE_PATH, InputError, answer_of_program
+from cranectl.support import InputError, answer_of_program, safe_path
 
 HEADLESS = ("egl", "osmesa")
 BACKENDS = (*HEADLESS, "glfw", "cgl")
@@ -82,9 +82,10 @@ def _probe_backend(backend: str) -> str:
     """Return why a backend does not work, or ""; a child process tries it, since a failure is permanent."""
     # -P: import no module of the working directory, but those of PYTHONPATH as in this process.
     command = [sys.executable, "-P", "-c", PROBE_CODE.format(backend)]
-    environment = {**os.environ, "MUJOCO_GL": backend, SAFE_PATH: MARK}
     try:
-        code, _, errors = answer_of_program(command, PROBE_TIMEOUT, environment=environment)
+        with safe_path():
+            environment = {**os.environ, "MUJOCO_GL": backend}
+            code, _, errors = answer_of_program(command, PROBE_TIMEOUT, environment=environment)
     except TimeoutError:
         return "it hangs"
     return _last_line(errors or "it crashes") if code else ""

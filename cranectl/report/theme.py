@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from cranectl.support import COLOURS, LIGHT, InputError, replacing
+from cranectl.support import COLOURS, LIGHT, File, InputError
 
 WIDTH = 6.4  # [in] of most figures
 LETTER = 5.2  # [pt], mean width of the letters of labels
@@ -153,7 +153,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     kind = path.suffix.lower()
     try:
         # No date and no random identifiers: the same figure, the same bytes.
-        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
+        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), File(path).replacing() as part:
             figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
     except (OSError, ValueError) as error:
         raise InputError(

@@ -30,7 +30,7 @@ from cranectl.scenario.run_settings import (
 from cranectl.scenario.segments import Segment
 from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
-from cranectl.support import differences, exact_seconds, leaves
+from cranectl.support import Tree, exact_seconds
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # The rig's numbers of effects are not reported either: the effects of the run have them.
@@ -214,8 +214,8 @@ class Scenario(Settings):
         usual, requested = (
             settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, self)
         )
-        changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
-        return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
+        changed = {name: new for name, _, new in Tree(usual).differences(requested, absent=None)}
+        return dict(Tree(changed).leaves(is_leaf=lambda value: not isinstance(value, dict)))
 
     def idle_effects(self, stated: Iterable[str]) -> tuple[str, ...]:
         """Return the effects that the scenario lacks although `stated` sets numbers of the rig for them."""

@@ -3,11 +3,9 @@
 Settings are shown without needless digits: 600000.0 as 600000, 1000000000.0 as 1e9.
 """
 
-import json
 import math
 import re
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
-from typing import Any
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
 FORCES = ("N", "Nm", "J", "W")  # thousands of these are shown as k; a path of 1200 m is not 1.2 km
@@ -74,17 +72,6 @@ def difference_in(value: float, unit: str) -> str:
     if abs(value) < PROCESSOR_ROUNDING:
         return f"< {quantity(PROCESSOR_ROUNDING, unit, 1)}"
     return quantity(value, unit)
-
-
-def plain(setting: Any) -> str:
-    """Return a value from TOML or JSON as text, long numbers with six digits."""
-    if isinstance(setting, list | tuple):
-        return f"[{', '.join(map(plain, setting))}]"
-    if not isinstance(setting, float):
-        return setting if isinstance(setting, str) else json.dumps(setting, ensure_ascii=False)
-    texts = [f"{setting:z.{digits}g}" for digits in range(6, 11)]
-    shortest = next((text for text in texts if float(text) == setting), texts[0])
-    return re.sub(r"e\+?(-?)0*", r"e\1", shortest)
 
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -13,7 +13,7 @@ from cranectl.plants import Drive
 from cranectl.scenario import DesignSettings, Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, plan_scenario, simulate_run
-from cranectl.support import Shipped, read_toml
+from cranectl.support import TOML, Shipped
 
 # The six controllers of the thesis, with its names; cranectl has more.
 FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
@@ -222,7 +222,7 @@ def total_simulated_seconds() -> float:
 
 
 def _read_data(name: str) -> dict[str, Any]:
-    return read_toml(Shipped.THESIS_FOLDER / name)
+    return TOML.read(Shipped.THESIS_FOLDER / name)
 
 
 def _scenarios(tables: dict[str, dict[str, Any]]) -> list[Scenario]:

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from cranectl.support.units import difference_in, difference_text, plain, quantity, scaled
+from cranectl.support.trees import Tree
+from cranectl.support.units import difference_in, difference_text, quantity, scaled
 
 
 @pytest.mark.parametrize(
@@ -47,7 +48,7 @@ def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, ex
     ],
 )
 def test_a_setting_is_told_with_the_digits_that_it_needs(setting: object, expected: str) -> None:
-    assert plain(setting) == expected
+    assert Tree(setting).text() == expected
 
 
 def test_a_column_has_the_unit_of_its_largest_value() -> None:

@@ -28,7 +28,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import limits_of
 from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
-from cranectl.support import FINGERPRINT_DIGITS, InputError, is_path, leaves, syntax_of
+from cranectl.support import FINGERPRINT_DIGITS, InputError, Shipped, Tree, syntax_of
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
@@ -202,7 +202,7 @@ def scenario_source(benchmark: Benchmark, scenario: str) -> str:
     Raises InputError if the file does not exist.
     """
     file = benchmark.scenarios[scenario].file
-    if not is_path(file):
+    if not Shipped.is_path(file):
         return file
     path = benchmark.file.parent / file
     if not path.is_file():
@@ -242,4 +242,4 @@ def rules_of(benchmark: Benchmark) -> str:
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return distributions by the dotted names of their parameters; later tables replace earlier ones."""
-    return {name: found for table in tables for name, found in leaves(table, is_leaf=is_distribution)}
+    return {name: found for table in tables for name, found in Tree(table).leaves(is_leaf=is_distribution)}

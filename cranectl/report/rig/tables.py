@@ -11,7 +11,7 @@ from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
-from cranectl.support import at_least, at_most, plain
+from cranectl.support import Tree, at_least, at_most
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 _MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable
@@ -207,7 +207,7 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
     for result in results:
         level, effect = result.level, getattr(result.run.scenario.effects, result.level.name, None)
         settings = {} if effect is None else effect.model_dump(mode="json")
-        numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
+        numbers = ", ".join(f"{name} = {Tree(value).text()}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
 

@@ -10,7 +10,7 @@ from cranectl.compare import Comparison, RegressionVerdict, worst_first
 from cranectl.plants import PhysicsStep
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.simulate import Run
-from cranectl.support import PROCESSOR_ROUNDING, difference_in, difference_text, leaves, plain
+from cranectl.support import PROCESSOR_ROUNDING, Tree, difference_in, difference_text
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 MAX_CHARACTERS = 70  # of a value
@@ -76,7 +76,7 @@ def what_differs(logs: Logs) -> Table | None:
         requested = _parameters(run) if is_one_controller else {}
         requested |= {"plants": list(logs[label]), "drives": run.drive, "controller": run.controller}
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
-        flat.append(dict(leaves(requested)))
+        flat.append(dict(Tree(requested).leaves()))
     rows = {
         name.removeprefix("scenario."): [
             _text(settings[name]) if name in settings else "–" for settings in flat
@@ -103,7 +103,7 @@ def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
 
 
 def _text(value: Any) -> str:
-    text = plain(value)
+    text = Tree(value).text()
     return text if len(text) <= MAX_CHARACTERS else f"{text[: MAX_CHARACTERS - 1]}…"
 
 
