@@ -16,15 +16,7 @@ from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewVa
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
-from cranectl.support import (
-    SHOWN_NEAR_NAMES,
-    Array,
-    InputError,
-    Tree,
-    did_you_mean,
-    exact_seconds,
-    nearest_first,
-)
+from cranectl.support import SHOWN_NEAR_NAMES, Array, InputError, Quantity, Tree, did_you_mean, nearest_first
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
 PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period
@@ -169,7 +161,7 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
             f"uncertain.{PERIOD}: its distribution is a range, not single periods",
             allowed="distribution choice or fixed, with periods that divide all times of the scenario",
             remedy='take \'distribution = "choice"\' with "values", such as '
-            f"[{', '.join(exact_seconds(times * period) for times in (1, 2, 5))}]",
+            f"[{', '.join(Quantity(times * period).setting() for times in (1, 2, 5))}]",
         )
     periods = distribution.quantile(distribution.grid(), period)
     return math.lcm(*(max(1, nanoseconds(seconds)) for seconds in periods)) / NANOSECONDS
@@ -226,7 +218,7 @@ def _parameter(
     if multiple and np.floor(high / multiple + 1e-6) < np.ceil(low / multiple - 1e-6):
         raise InputError(
             f"uncertain.{name}: no whole control period lies between {low:g} s and {high:g} s",
-            allowed=f"multiples of control.period = {exact_seconds(multiple)} s",
+            allowed=f"multiples of control.period = {Quantity(multiple).setting()} s",
             remedy="widen the range or take 'distribution = \"choice\"'",
         )
     return UncertainParameter(name, distribution, float(nominal), is_whole, multiple)

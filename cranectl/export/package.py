@@ -17,7 +17,7 @@ from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import BRIDGE, ROPE, TROLLEY, Signal, SignalGroup
-from cranectl.support import Array, InputError, exact_seconds
+from cranectl.support import Array, InputError, Quantity
 
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
@@ -201,7 +201,7 @@ def _reference_text(exported: Exported) -> str:
         raise InputError(
             f"the reference of {exported.scenario.name} has {len(rows)} samples",
             allowed=f"at most {MAX_REFERENCE_ROWS}, which are {MAX_REFERENCE_ROWS * period:g} s",
-            remedy=f"add --set duration={exact_seconds((MAX_REFERENCE_ROWS // 2) * period)}, "
+            remedy=f"add --set duration={Quantity((MAX_REFERENCE_ROWS // 2) * period).setting()}, "
             "or take a shorter scenario",
         )
     said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"

@@ -12,7 +12,7 @@ from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
 from cranectl.signals import WORKSPACE_SIGNALS
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
-from cranectl.support import Array, quantity
+from cranectl.support import Array, Quantity
 
 DIGEST_DIGITS = 12  # of the digest of a file
 
@@ -210,7 +210,7 @@ def _file_of(spline: Spline) -> str:
     file = f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {digest}, {where})"
     if fit is None:
         return f"{file}: {len(spline.breaks)} points"
-    left_out, residual = (quantity(error, "m") for error in (fit.left_out_error, fit.residual))
+    left_out, residual = (Quantity(error, "m").text() for error in (fit.left_out_error, fit.residual))
     return (
         f"{file}: {fit.samples} samples, {fit.spans} spans; samples left out are {left_out} rms from it, all "
         f"others {residual}; z'''' up to {fit.peak_d4:.3g} ± {fit.band_d4:.2g} m/s⁴"

@@ -16,7 +16,7 @@ from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import PROCESSOR_ROUNDING, difference_text, provenance
+from cranectl.support import Quantity, provenance
 
 MIN_DISTANCE = 1e-14  # [m, rad] least logged distance: the size of rounding, so that logarithms exist
 
@@ -103,8 +103,9 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
         "angles": _with_limit(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
     }
     for row in comparison.signals:
-        text = f"at most {difference_text(row.max_abs)} {row.unit}, RMS {difference_text(row.rms)}"
-        text += "" if row.max_abs < PROCESSOR_ROUNDING else f", largest at {row.at_s:g} s"
+        largest, mean = (Quantity(value).si_difference() for value in (row.max_abs, row.rms))
+        text = f"at most {largest} {row.unit}, RMS {mean}"
+        text += "" if row.max_abs < Quantity.PROCESSOR_ROUNDING else f", largest at {row.at_s:g} s"
         values[row.signal.replace(".", "_")] = text
     return values
 
@@ -112,7 +113,7 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
 def _with_limit(largest: float, limit: float | None, unit: str, limits: str) -> str:
     """Return the largest distance with its limit, or with the reason why it has none."""
     limit_text = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
-    return f"{difference_text(largest)} {unit}, {limit_text}"
+    return f"{Quantity(largest).si_difference()} {unit}, {limit_text}"
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:

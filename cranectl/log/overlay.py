@@ -36,10 +36,10 @@ from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import VIEWER_SERIES, InputError, LogError
+from cranectl.support import InputError, LogError, Palette
 
 STEP = "step"  # topic of the distance between a run and the one before it
-MAX_RUNS_SHOWN = len(VIEWER_SERIES)  # runs of an overlay: each needs its own colour
+MAX_RUNS_SHOWN = len(Palette.VIEWER.series)  # runs of an overlay: each needs its own colour
 MAX_LABEL = 40  # characters of a label
 LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
 
@@ -188,7 +188,8 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
             both = run.has("state", "load") and other.has("state", "load")
             if both and np.intersect1d(run.time_ns, other.time_ns).size:
                 yield distances(topics.plant_topic(run.plant, kind), run, other)
-    drawn = {colour: run for run, colour in zip(runs, VIEWER_SERIES, strict=False) if scene.can_be_drawn(run)}
+    coloured = zip(Palette.VIEWER.series, runs, strict=False)
+    drawn = {colour: run for colour, run in coloured if scene.can_be_drawn(run)}
     if not drawn:
         return
     longest, solid = max(drawn.values(), key=lambda run: run.end_ns), next(iter(drawn.values()))

@@ -17,7 +17,7 @@ from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
 from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, at_least, at_most
+from cranectl.support import Array, InputError, Quantity
 
 RUNS = 5  # four to fit, and one to judge the result
 LAB_PERIOD = 0.005  # [s] of set-points on the laboratory rig; grows with the root of the size
@@ -48,7 +48,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
     if not shortest <= chosen <= longest:
         raise InputError(
             f"a set-point each {chosen:g} s, of a load that swings in {swing:.3g} s",
-            allowed=f"periods from {at_least(shortest, 2)} to {at_most(longest, 2)} s",
+            allowed=f"periods from {Quantity(shortest).at_least(2)} to {Quantity(longest).at_most(2)} s",
             remedy="leave --period out, or choose one of those",
         )
     rngs = (np.random.default_rng([seed, k]) for k in range(RUNS))

@@ -14,10 +14,9 @@ from typing import Any
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario import EFFECTS
 from cranectl.support import (
-    COLOURS,
-    VIEWER,
     Extensions,
     InputError,
+    Palette,
     check_fields,
     check_free,
     check_name,
@@ -27,7 +26,7 @@ from cranectl.support import (
 )
 
 MAX_PLANT_LABEL = 40  # [characters]
-PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
+PLANT_COLOURS = tuple(name for name in Palette.LIGHT if name in Palette.VIEWER and name.startswith("series-"))
 # Effects that a plant shows or lacks as a whole, and parts of the other effects.
 WHOLE_EFFECTS = [
     name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
@@ -56,7 +55,7 @@ class PlantEntry:
     name, label : str
         Name of its topics and columns (lower case letters, digits, hyphens), and name for people.
     colour : str
-        A series of `support.colours`.
+        A series of `support.Palette`.
     where : str
         Its class as module:class, imported only when the plant is used.
     batch : int

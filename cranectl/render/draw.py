@@ -19,7 +19,7 @@ from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
-from cranectl.support import LIGHT, SLACK_ROPE, Array, File, InputError, rgb
+from cranectl.support import Array, File, InputError, Palette
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
@@ -203,7 +203,8 @@ def write_gif(
     for k, sample in enumerate(samples):
         montage.paste(sample, (0, k * sample.height))
     # Thin lines have too few pixels to get palette entries, but the legend needs their colours.
-    accents = [round(255 * part) for colour in (*LIGHT.values(), SLACK_ROPE) for part in rgb(colour)]
+    accents = [round(255 * part) for role in Palette.LIGHT for part in Palette.LIGHT.rgb(role)]
+    accents += [round(255 * part) for part in Palette.VIEWER.rgb("slack-rope")]
     palette = Image.new("P", (1, 1))
     palette.putpalette((montage.quantize(MAX_GIF_COLOURS - len(accents) // 3).getpalette() or []) + accents)
     reduced = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)

@@ -13,7 +13,7 @@ from cranectl.scenario import NANOSECONDS, Drawing, Scenario, nanoseconds
 from cranectl.signals import SignalGroup
 from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
-from cranectl.support import InputError, exact_seconds
+from cranectl.support import InputError, Quantity
 
 MAX_BYTES = 2**30
 MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together
@@ -93,11 +93,12 @@ def check_held(
     if needed <= max_bytes:
         return
     times, samples = math.ceil(needed / max_bytes), scenario.steps + 1
+    period = Quantity(_longer_period(scenario, times)).setting()
     raise InputError(
         f"{what} of {scenario.name} with {samples} control samples would take "
         f"{needed / 2**30:.3g} GiB of memory",
         allowed=f"at most {max_bytes / 2**30:g} GiB, which is {int(max_bytes / needed * samples)} samples",
-        remedy=f"set control.period to {exact_seconds(_longer_period(scenario, times))}, or shorten duration"
+        remedy=f"set control.period to {period}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )
 

@@ -15,12 +15,7 @@ from .children import describe_exit as describe_exit
 from .children import fork_child as fork_child
 from .children import requests as requests
 from .children import spawn_child as spawn_child
-from .colours import COLOURS as COLOURS
-from .colours import LIGHT as LIGHT
-from .colours import SLACK_ROPE as SLACK_ROPE
-from .colours import VIEWER as VIEWER
-from .colours import VIEWER_SERIES as VIEWER_SERIES
-from .colours import rgb as rgb
+from .colours import Palette as Palette
 from .compiled_step import FAILED as FAILED
 from .compiled_step import CompiledStep as CompiledStep
 from .compiled_step import report_failure as report_failure
@@ -104,11 +99,4 @@ from .tables.head import TableHead as TableHead
 from .tables.layout import Header as Header
 from .trees import Tree as Tree
 from .turns import TakesTurns as TakesTurns
-from .units import PROCESSOR_ROUNDING as PROCESSOR_ROUNDING
-from .units import at_least as at_least
-from .units import at_most as at_most
-from .units import difference_in as difference_in
-from .units import difference_text as difference_text
-from .units import exact_seconds as exact_seconds
-from .units import quantity as quantity
-from .units import scaled as scaled
+from .units import Quantity as Quantity

@@ -29,7 +29,7 @@ from cranectl.report.theme import STAND_IN
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.colours import COLOURS, LIGHT
+from cranectl.support.colours import Palette
 from tests.conftest import PAIR, closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -135,7 +135,10 @@ def test_a_figure_shows_all_plants_in_colours_of_the_page_and_is_the_same_each_t
     family, runs = FAMILIES[name], with_signals(name, runs)
     svg = family_svg(family, curves(runs))
     ElementTree.fromstring(svg)
-    assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {"none", *(f"var(--{c})" for c in COLOURS)}
+    assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {
+        "none",
+        *(f"var(--{c})" for c in Palette.LIGHT),
+    }
     assert svg == family_svg(family, curves(runs))
     plain = re.sub('<tspan dy=".25em"[^>]*>(.*?)</tspan><tspan.*?</tspan>', r"_\1", svg)
     for text in ("analytic", "MuJoCo", "lqr", *(panel.label for panel in family.panels)):
@@ -327,7 +330,7 @@ def test_each_figure_of_a_report_is_saved_as_a_file(capsys: pytest.CaptureFixtur
         assert b"var(" not in content
         assert set(re.findall(rb"(?:fill|stroke): ([^;\"]+)", content)) <= {
             b"none",
-            *map(str.encode, LIGHT.values()),
+            *map(str.encode, Palette.LIGHT.values()),
         }
     assert main(["report", "run.mcap", "--figures", "a/b"]) == 0
     assert files == {path.name: path.read_bytes() for path in Path("a/b").iterdir()}

@@ -19,7 +19,7 @@ from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig import tables
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, make_room, spaced
 from cranectl.scenario import Scenario
-from cranectl.support import LIGHT
+from cranectl.support import Palette
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
@@ -128,7 +128,9 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
     return drawing
 
 
-def certificate_figure(certificate: Certificate, loops: Loops, colours: Mapping[str, str] = LIGHT) -> Drawing:
+def certificate_figure(
+    certificate: Certificate, loops: Loops, colours: Mapping[str, str] = Palette.LIGHT
+) -> Drawing:
     """Draw the map on the left, the worst point with its `loops` on the right; `colours` by role."""
     figure, (left, right) = canvas(10.0, 4.4, 1, 2)
     delay = f"delay {1e3 * certificate.delay:g} ms"

@@ -11,7 +11,7 @@ from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
-from cranectl.support import Tree, at_least, at_most
+from cranectl.support import Quantity, Tree
 
 MARKS = {"guaranteed": "good", "survived": "open", "failed": "bad"}
 _MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable
@@ -131,11 +131,11 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
     low, high = margins.gain_range
     rows = [
         ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
-        ("gains alone", f"{at_least(low)} … {at_most(high)}"),
-        ("phases alone", f"± {at_most(math.degrees(margins.phase), 2)}°"),
+        ("gains alone", f"{Quantity(low).at_least()} … {Quantity(high).at_most()}"),
+        ("phases alone", f"± {Quantity(math.degrees(margins.phase)).at_most(2)}°"),
     ]
     for spread, delay in margins.delays:
-        tolerated = f"{at_most(1e3 * delay)} ms" if delay > 0.0 else "not known"
+        tolerated = f"{Quantity(1e3 * delay).at_most()} ms" if delay > 0.0 else "not known"
         rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
     title = f"The drives at once, each on its own: {worst.point}"
     return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
@@ -148,7 +148,8 @@ def limit_table(limits: Sequence[LargestValues]) -> Table:
     rows = []
     for limit in limits:
         values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
-        texts = ("-" if value is None else at_most(1e3 * value) for value in values)  # as certified
+        # as certified
+        texts = ("-" if value is None else Quantity(1e3 * value).at_most() for value in values)
         rows.append(cells(f"{limit.point.rope_length:g}", *texts))
     return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
 
