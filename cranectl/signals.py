@@ -7,7 +7,10 @@ The origin of the world frame is a corner of the rig at trolley height. On the l
 import functools
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+if TYPE_CHECKING:
+    from cranectl.support import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +144,35 @@ class SignalGroup:
         """
         path = (cls.MEASUREMENT, cls.command(staged)) if staged else ()
         return (*COMMON, *controller_groups, *path, *((cls.LOAD_FORCE,) if forced else ()))
+
+
+class _Part:
+    """Gives a view of some of the signals of a state."""
+
+    def __init__(self, columns: slice) -> None:
+        self._columns = columns
+
+    def __get__(self, state: "State", _: type) -> "Array":
+        part: Array = state.values[..., self._columns]
+        return part
+
+
+@dataclass(frozen=True)
+class State:
+    """States of a crane, shape (…, 10) in the order of `SignalGroup.STATE`, and views of their parts.
+
+    Of a measured crane without angles only the columns of the axes may be there.
+    """
+
+    values: "Array"
+
+    AXIS_NAMES: ClassVar = ("bridge_position", "trolley_position", "rope_length")
+    axes = _Part(slice(0, 6, 2))  # positions of bridge and trolley, length of the rope
+    axis_rates = _Part(slice(1, 6, 2))
+    angles = _Part(slice(6, None, 2))  # alpha, beta
+    swing = _Part(slice(6, None))  # the angles with their rates
+    joints = _Part(slice(0, None, 2))  # axes and angles
+    joint_rates = _Part(slice(1, None, 2))
 
 
 AXES = ("x", "y", "z")
@@ -309,21 +341,12 @@ class RecordColumns(NamedTuple):
     tension: int
     own_error: int  # of other controllers
     own_signals: int
-
-
-class PathColumns(NamedTuple):
-    """First column of the commands in the record of a signal path, and the width of that record."""
-
-    command: int
-    width: int
+    path_command: int  # of the commands in the record of a signal path, which has a width of its own
+    path_width: int
 
 
 _STARTS = (0, *accumulate(len(group) for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))))
 _OWN = _STARTS[len(COMMON)]  # of what a controller adds
-COLUMN = RecordColumns._make(
-    (*_STARTS, _STARTS[COMMON.index(SignalGroup.LOAD)] + TENSION, _OWN + 6, _OWN + 12)
-)
-PATH = PathColumns(len(MEASUREMENT), len(MEASUREMENT) + len(SignalGroup.command("acceleration")))
-
-# Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
-WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")
+_PATH = len(MEASUREMENT), len(MEASUREMENT) + len(SignalGroup.command("acceleration"))
+_TENSION = _STARTS[COMMON.index(SignalGroup.LOAD)] + TENSION
+COLUMN = RecordColumns._make((*_STARTS, _TENSION, _OWN + 6, _OWN + 12, *_PATH))

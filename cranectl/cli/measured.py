@@ -66,7 +66,7 @@ def compare_measured(
     for plant, prediction in predicted.items():
         title = f"measured minus predicted, {plant}, {REPEATED[replayed]}"
         screen.print(residual_table(title, summaries[plant]))
-        distance = np.linalg.norm(prediction.block("residual")[:, 5:], axis=1)
+        distance = prediction.load_residual
         worst = int(np.argmax(distance))
         screen.print(
             f"the loads are at most {1e3 * distance[worst]:.3g} mm apart, at {prediction.time[worst]:g} s"

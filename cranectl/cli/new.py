@@ -124,7 +124,7 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
     texts = {directory / f"{name}-run-{k}.csv": set_points_text(run) for k, run in enumerate(runs, 1)}
-    starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.block("state")[0, :6:2]) for run in runs)
+    starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.state.axes[0]) for run in runs)
     notes = [
         f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
     ]
@@ -151,9 +151,9 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     rows = [
         cells(
             str(k),
-            *(f"{position:.4g}" for position in run.block("state")[0, :6:2]),
+            *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",
-            *(f"{speed:.3g}" for speed in np.abs(run.block("command")[:, :3]).max(axis=0)),
+            *(f"{speed:.3g}" for speed in np.abs(run.commands).max(axis=0)),
             f"{np.degrees(largest_swing(run).max()):.1f}",
         )
         for k, run in enumerate(runs, 1)

@@ -7,7 +7,7 @@ from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
 from cranectl.plants import ADVANCE, DRIVES, MEASURE, PLANTS, Drive, plant_object
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import AXES, TENSION, SignalGroup
+from cranectl.signals import TENSION, SignalGroup
 from cranectl.simulate import checked_drive, commands_at_start, make_plant, plan_scenario
 from cranectl.status import RunStatus
 from cranectl.support import Array, InputError
@@ -43,7 +43,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
     title = f"{PLANTS.entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
     words = [f"0x{word:x}," for word in memory.words]
     rows = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
-    air = [f"values[{len(inputs) - len(AXES) + k}]" for k in range(len(AXES))]  # the last inputs
+    air = [f"values[{len(inputs) - 3 + k}]" for k in range(3)]  # the last inputs
     values = {
         "TITLE": title,
         "STATE": len(inputs),
@@ -53,7 +53,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         "ADVANCE": ADVANCE,
         "SLACK": float(RunStatus.SLACK_ROPE),
         "NON_FINITE": float(RunStatus.NON_FINITE),
-        "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * len(AXES)),
+        "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * 3),
         "WORDS": "".join(f"    {row}\n" for row in rows),
         "ADDRESSES": ", ".join(map(str, memory.addresses)),
         "EXPRESSIONS": "".join(
@@ -82,7 +82,7 @@ def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]
         *_all("input", SignalGroup.LOAD_FORCE),
         *(
             FmuVariable(f"wind.{axis}", "input", "m/s", f"velocity of the air along {axis}", mean)
-            for axis, mean in (zip(AXES, wind.mean, strict=True) if wind else ())
+            for axis, mean in (zip("xyz", wind.mean, strict=True) if wind else ())
         ),
     ]
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
-from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.signals import State
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
 from cranectl.support import Array, Quantity
@@ -167,7 +167,7 @@ def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditi
     observed: list[Event] = []
     outside, limited = workspace_excess(run) > 0.0, saturation(run)
     slack = run.tension <= 0.0 if run.has_tension else np.zeros(len(run.time_ns), dtype=np.bool_)
-    for name, axis, was in zip(WORKSPACE_SIGNALS, outside.T, before.outside, strict=True):
+    for name, axis, was in zip(State.AXIS_NAMES, outside.T, before.outside, strict=True):
         texts = f"{name} leaves the workspace", f"{name} is back in the workspace"
         observed += _changes(run, axis, was, *texts)
     for bit, drive in enumerate(("bridge", "trolley", "rope")):

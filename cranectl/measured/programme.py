@@ -57,7 +57,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
 
 def largest_swing(run: Run) -> Array:
     """Return the largest angles of a run along bridge and trolley [rad], shape (2,)."""
-    largest: Array = np.abs(run.block("state")[:, 8:5:-2]).max(axis=0)
+    largest: Array = np.abs(run.state.angles[:, ::-1]).max(axis=0)
     return largest
 
 
@@ -143,7 +143,7 @@ def predict_estimates(
 
 def set_points_text(run: Run) -> str:
     """Return the set-points of a run as CSV: time [s] and the speeds of bridge, trolley and rope [m/s]."""
-    rows = zip((run.time_ns / NANOSECONDS).tolist(), run.block("command")[:, :3].tolist(), strict=True)
+    rows = zip((run.time_ns / NANOSECONDS).tolist(), run.commands.tolist(), strict=True)
     lines = (f"{t:.9g}," + ",".join(f"{speed:.{SPEED_DIGITS}f}" for speed in speeds) for t, speeds in rows)
     return "\n".join([",".join(("time", *COMMANDS)), *lines, ""])
 

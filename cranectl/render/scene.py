@@ -160,7 +160,7 @@ class Renderer:
             self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*Palette.LIGHT.rgb("series-4"), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:
-        load, target = track.run.load_position[row], track.run.reference[row, :3]
+        load, target = track.run.load_position[row], track.run.reference_position[row]
         green = (*Palette.LIGHT.rgb("series-3"), 1.0)
         for start, end in self._timeline.path_dashes:
             self._connect(LINE, self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 0.8))

@@ -30,7 +30,7 @@ class Track:
     @cached_property
     def error(self) -> Array:
         """Distance of the load from its reference [m], shape (N,); only of a run that has one."""
-        distance: Array = np.linalg.norm(self.run.load_position - self.run.reference[:, :3], axis=1)
+        distance: Array = np.linalg.norm(self.run.load_position - self.run.reference_position, axis=1)
         return distance
 
     @cached_property
@@ -76,7 +76,7 @@ class Timeline:
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
         if not longest.has_reference:
             return np.zeros((0, 2, 3))
-        return dashes(longest.reference[:, :3], Drawing(longest.scenario.rig).scale)
+        return dashes(longest.reference_position, Drawing(longest.scenario.rig).scale)
 
     @cached_property
     def distances(self) -> list[tuple[Array, Array]]:

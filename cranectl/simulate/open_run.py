@@ -9,7 +9,7 @@ import numpy as np
 from cranectl.controllers import repeated_commands
 from cranectl.plants import DRIVES, FORCE, REFERENCE_PLANT, Plant, air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import TENSION, SignalGroup
+from cranectl.signals import TENSION, SignalGroup, State
 from cranectl.simulate.loop import Loop
 from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
 from cranectl.simulate.run import Run
@@ -244,7 +244,7 @@ def begin(
             state = np.zeros(len(SignalGroup.STATE))
             low, high = scenario.reach.T
             margin = DRAWN_MARGIN * (high - low)
-            state[:5:2] = draw.uniform(low + margin, high - margin)
+            State(state).axes[:] = draw.uniform(low + margin, high - margin)
         if scenario.effects.wind:
             air = air_velocity(scenario.effects, len(plan.wind), scenario.period_ns / NANOSECONDS)
             plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
@@ -263,7 +263,7 @@ def rest_at(scenario: Scenario, target: Array) -> Array:
     reference = np.zeros((1, len(SignalGroup.REFERENCE)))
     reference[0, :3] = target
     hanging = np.zeros(len(SignalGroup.STATE))
-    hanging[:5:2] = target * (1.0, 1.0, -1.0)
+    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)
     remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
     check_start(scenario, hanging, remedy=remedy, what="the target is")
     return reference

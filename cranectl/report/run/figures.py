@@ -263,7 +263,7 @@ def _desired(axis: int) -> Values:
 
 
 def _beside_trolley(axis: int) -> Values:
-    return lambda run: run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
+    return lambda run: run.load_position[:, axis] - run.state.axes[:, axis]
 
 
 _LOAD = tuple(_signal(f"load.load_{a}", reference=_desired(k)) for k, a in enumerate("xyz"))

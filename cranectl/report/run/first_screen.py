@@ -186,7 +186,7 @@ def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> Iterator[Fact]:
     metrics = summary.metrics
     if run.has_reference:
         if metrics is not None:
-            distance = np.linalg.norm(run.load_position - run.reference[:, :3], axis=1)
+            distance = np.linalg.norm(run.load_position - run.reference_position, axis=1)
             limits = [limit for limit in summary.limits if limit.metric == "max_error_m"]
             allowed = "".join(f"; allowed: {_millimetres(limit.limit)}" for limit in limits)
             mark = "" if all(limit.kept for limit in limits) else "bad"
@@ -196,7 +196,7 @@ def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> Iterator[Fact]:
             yield _drive_use(run, metrics)
         return
     if run.has("residual"):  # of a prediction from the measured crane
-        distance = np.linalg.norm(run.block("residual")[:, 5:], axis=1)
+        distance = run.load_residual
         largest = _millimetres(float(distance.max()))
         yield Fact("Load, measured minus predicted", largest, _when(run, distance))
     if run.has("state"):
