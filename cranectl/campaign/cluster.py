@@ -28,16 +28,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import ControllerFile, open_again
-from cranectl.support import (
-    HARMLESS,
-    PACKAGES,
-    SIGNALS,
-    InputError,
-    Table,
-    forget_safe_path,
-    provenance_differences,
-    safe_path,
-)
+from cranectl.support import HARMLESS, PACKAGES, SIGNALS, InputError, SafePath, Table, provenance_differences
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -217,7 +208,7 @@ def _check_address(scheduler: str) -> None:
 def _local(distributed: Any, workers: int) -> Iterator["Client"]:
     # Memory has no limit: a campaign needs little, and any limit would be a guess.
     with (
-        safe_path(),  # until the cluster ends: Dask starts a new worker whenever one dies
+        SafePath(),  # until the cluster ends: Dask starts a new worker whenever one dies
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -248,7 +239,7 @@ def run_remotely(batch: Batch, manifest: bytes) -> list[Row] | InputError:
 
 def dask_setup(_worker: Any) -> None:
     """Ignore interrupts in a process of a local cluster, which its command ends; Dask calls this by name."""
-    forget_safe_path()
+    SafePath.forget()
     for number in SIGNALS:
         if number != signal.SIGTERM:  # the signal by which Dask ends its processes
             signal.signal(number, signal.SIG_IGN)

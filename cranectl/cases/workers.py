@@ -21,10 +21,10 @@ from cranectl.support import (
     TRIES,
     Child,
     ChildError,
+    SafePath,
     interrupts_blocked,
     interrupts_wait,
     requests,
-    safe_path,
     spawn_child,
 )
 
@@ -157,11 +157,11 @@ def _worker_context() -> BaseContext:
     context.set_forkserver_preload([*PRELOADED_MODULES, *_plant_modules()])
     # Signals go to the whole process group, also while the server loads; only the parent may react to them.
     for helper in (resource_tracker, forkserver):
-        with safe_path(), interrupts_blocked():  # once per helper, since the tracker unblocks some signals
+        with SafePath(), interrupts_blocked():  # once per helper, since the tracker unblocks some signals
             helper.ensure_running()
     # The server answers once it has loaded everything; an interrupt may end this wait.
     warm_up = context.Process(target=os.getpid)
-    with safe_path():
+    with SafePath():
         warm_up.start()
     warm_up.join()
     return context

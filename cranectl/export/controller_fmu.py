@@ -56,11 +56,8 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
             remedy="export it as C, to a directory",
         )
     measured, reference = exported.inputs[0]
-    group, signals = (
-        ("encoders", SignalGroup.STATE.signals[::2])
-        if len(measured) == JOINTS
-        else ("state", SignalGroup.STATE.signals)
-    )
+    state = SignalGroup.STATE.signals
+    group, signals = ("encoders", state[::2]) if len(measured) == JOINTS else ("state", state)
     groups = ((group, signals, measured), ("reference", SignalGroup.REFERENCE.signals, reference))
     inputs = [
         FmuVariable.of_signal(f"{kind}.{signal.name}", "input", signal, float(start))

@@ -30,16 +30,7 @@ from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
-from cranectl.support import (
-    TOML,
-    Array,
-    InputError,
-    Timeout,
-    check_name,
-    in_background,
-    starting,
-    users_environment,
-)
+from cranectl.support import TOML, Array, InputError, SafePath, Timeout, check_name, in_background, starting
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
@@ -258,7 +249,7 @@ class _Program:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            env=users_environment(),
+            env=SafePath.users_environment(),
         )
         self.process = self._process.pid
         assert self._process.stdin is not None

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from cranectl import plants
-from cranectl.support import InputError, answer_of_program, safe_path
+from cranectl.support import InputError, SafePath, answer_of_program
 
 HEADLESS = ("egl", "osmesa")
 BACKENDS = (*HEADLESS, "glfw", "cgl")
@@ -83,7 +83,7 @@ def _probe_backend(backend: str) -> str:
     # -P: import no module of the working directory, but those of PYTHONPATH as in this process.
     command = [sys.executable, "-P", "-c", PROBE_CODE.format(backend)]
     try:
-        with safe_path():
+        with SafePath():
             environment = {**os.environ, "MUJOCO_GL": backend}
             code, _, errors = answer_of_program(command, PROBE_TIMEOUT, environment=environment)
     except TimeoutError:

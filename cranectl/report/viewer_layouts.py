@@ -270,9 +270,8 @@ def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "")
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """Return one line of a plot."""
     signal = SIGNALS[group, name]
-    return _line(
-        f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, Palette.VIEWER.series[k]
-    )
+    topic = topics.plant_topic(plant, group)
+    return _line(f"{topic}.{name}", signal, signal.symbol, Palette.VIEWER.series[k])
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
@@ -282,11 +281,9 @@ def _distance_plots(plants: Sequence[str]) -> list[Panel]:
         lines = []
         for name in others:
             topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
-            look = (
-                (PLANTS[name].label, Palette.VIEWER[PLANTS[name].colour])
-                if several
-                else (signal.symbol, colour)
-            )
+            look = signal.symbol, colour
+            if several:
+                look = PLANTS[name].label, Palette.VIEWER[PLANTS[name].colour]
             lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *look))
         plots.append(plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
     return plots

@@ -91,9 +91,7 @@ from .provenance import source_digests as source_digests
 from .provenance import syntax_of as syntax_of
 from .renamed import renamed_arguments as renamed_arguments
 from .resources import Shipped as Shipped
-from .search_path import forget_safe_path as forget_safe_path
-from .search_path import safe_path as safe_path
-from .search_path import users_environment as users_environment
+from .search_path import SafePath as SafePath
 from .tables.columns import ReadColumn as ReadColumn
 from .tables.head import TableHead as TableHead
 from .tables.layout import Header as Header

@@ -34,7 +34,7 @@ from cranectl.support.errors import (
     was_killed,
 )
 from cranectl.support.interrupts import SIGNALS, in_background
-from cranectl.support.search_path import forget_safe_path, safe_path
+from cranectl.support.search_path import SafePath
 
 MAX_WAIT = 3600.0  # [s] the longest single wait
 ASK_INTERVAL = 0.1  # [s] between two checks for other reasons to end a wait
@@ -179,7 +179,7 @@ def spawn_child(
     context = context or multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(work, there, *inputs), daemon=daemon)  # type: ignore[attr-defined]
-    with safe_path():
+    with SafePath():
         process.start()
     there.close()
     return Child(process.pid, here, process)
@@ -189,7 +189,7 @@ def _serve(work: Callable[..., None], connection: Connection, *inputs: Any) -> N
     """Run `work` in a process that was started by `multiprocessing`."""
     parent = multiprocessing.parent_process()
     assert parent is not None
-    forget_safe_path()  # so that it starts scripts as its parent would
+    SafePath.forget()  # so that it starts scripts as its parent would
     _follow_parent(lambda: wait([parent.sentinel]))
     work(connection, *inputs)
 

@@ -4,43 +4,42 @@ Python puts it first for `python -c`, which `multiprocessing` and libraries use.
 would replace the standard module.
 """
 
-import contextlib
 import os
 import threading
-from collections.abc import Iterator
+from typing import ClassVar
 
 SAFE_PATH = "PYTHONSAFEPATH"  # any text keeps the working directory out of the search path
 MARK = "cranectl"  # the value that marks it as set here, and not by the user
-_lock = threading.Lock()
-_blocks = 0  # of `safe_path` that are open, in any thread
 
 
-@contextlib.contextmanager
-def safe_path() -> Iterator[None]:
-    """Keep the working directory out of the import path of the processes that the block starts.
+class SafePath:
+    """Keeps the working directory out of the import path of the processes that a block starts.
 
-    The processes call `forget_safe_path`, so that scripts that they start can import from their own folder.
+    The processes call `SafePath.forget`, so that scripts that they start can import from their own folder.
     """
-    global _blocks
-    with _lock:
-        _blocks += 1
-        if not os.environ.get(SAFE_PATH):
-            os.environ[SAFE_PATH] = MARK
-    try:
-        yield
-    finally:
-        with _lock:
-            _blocks -= 1
-            if not _blocks:
-                forget_safe_path()
 
+    _lock: ClassVar = threading.Lock()
+    _blocks: ClassVar = 0  # that are open, in any thread
 
-def forget_safe_path() -> None:
-    """Let scripts that start from now on import from their own folder, unless the user forbids it."""
-    if os.environ.get(SAFE_PATH) == MARK:
-        del os.environ[SAFE_PATH]
+    def __enter__(self) -> None:
+        with self._lock:
+            SafePath._blocks += 1
+            if not os.environ.get(SAFE_PATH):
+                os.environ[SAFE_PATH] = MARK
 
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            SafePath._blocks -= 1
+            if not SafePath._blocks:
+                self.forget()
 
-def users_environment() -> dict[str, str]:
-    """Return the environment for a program of the user, without what `safe_path` adds."""
-    return {name: value for name, value in os.environ.items() if (name, value) != (SAFE_PATH, MARK)}
+    @staticmethod
+    def forget() -> None:
+        """Let scripts that start from now on import from their own folder, unless the user forbids it."""
+        if os.environ.get(SAFE_PATH) == MARK:
+            del os.environ[SAFE_PATH]
+
+    @staticmethod
+    def users_environment() -> dict[str, str]:
+        """Return the environment for a program of the user, without what a block adds."""
+        return {name: value for name, value in os.environ.items() if (name, value) != (SAFE_PATH, MARK)}

@@ -5,9 +5,9 @@ nowhere: the kernels count them, and the run ends with the status `engine-warnin
 has set before stays.
 """
 
-from cranectl.support import safe_path
+from cranectl.support import SafePath
 
-with safe_path():  # it loads GLFW, which starts `python -c`
+with SafePath():  # it loads GLFW, which starts `python -c`
     import mujoco
 
 if mujoco.get_mju_user_warning() is None:

@@ -243,11 +243,8 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
     """Return a panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
-    groups = (
-        *SignalGroup.recorded(SignalGroup.of_flat_tracker(0)),
-        *SignalGroup.measured("", angles=False, load=False),
-        SignalGroup.RESIDUAL,
-    )
+    measured = SignalGroup.measured("", angles=False, load=False)
+    groups = (*SignalGroup.recorded(SignalGroup.of_flat_tracker(0)), *measured, SignalGroup.RESIDUAL)
     group = next(group for group in groups if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
