@@ -26,7 +26,7 @@ MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 
 
 @dataclass(frozen=True)
-class Format(Generic[Content]):
+class DocumentFormat(Generic[Content]):
     """A format of settings that come from outside.
 
     Parameters
@@ -75,7 +75,7 @@ class Format(Generic[Content]):
         )
 
 
-class _Toml(Format[Table]):
+class _Toml(DocumentFormat[Table]):
     """TOML, in which cranectl also writes settings, and whose values stand behind `--set`."""
 
     def value(self, text: str, source: str) -> Any:
@@ -86,7 +86,7 @@ class _Toml(Format[Table]):
             table = {}
         except ValueError as error:
             raise self._invalid(source, error) from None
-        return table["value"] if len(table) == 1 else Format("text", str).parse(text, source)
+        return table["value"] if len(table) == 1 else DocumentFormat("text", str).parse(text, source)
 
     def text(self, table: Mapping[str, Any], above: str = "") -> str:
         """Return the TOML text of a table; None is left out, because TOML has no such value."""
@@ -151,4 +151,4 @@ def _check_depth(content: Any) -> None:
 
 
 TOML = _Toml("TOML", _toml)
-JSON = Format[Any]("JSON", json.loads)
+JSON = DocumentFormat[Any]("JSON", json.loads)
