@@ -100,13 +100,10 @@ class SignalGroup:
         `commands` is the kind of the measured commands: acceleration, velocity, force, or none. Without
         `angles` the run has the group `axes` in place of `state`; without `load`, no group `load`.
         """
-        joints = (
-            cls("state", "MeasuredState", "measured joint positions, and their rates", cls.STATE.signals)
-            if angles
-            else cls(
-                "axes", "MeasuredAxes", "measured positions of the axes, and rates", cls.STATE.signals[:6]
-            )
-        )
+        joints = cls("state", "MeasuredState", "measured joint positions, and their rates", cls.STATE.signals)
+        if not angles:
+            text = "measured positions of the axes, and rates"
+            joints = cls("axes", "MeasuredAxes", text, cls.STATE.signals[:6])
         position = cls(
             "load", "MeasuredLoad", "measured position of the load, and rate", cls.LOAD.signals[:6]
         )
@@ -120,8 +117,7 @@ class SignalGroup:
     @functools.cache
     def of_flat_tracker(cls, robustifier_order: int) -> tuple["SignalGroup", ...]:
         """Return the groups that only the flat tracker records: only it has z'' and above, v and ζ."""
-        states = cls.tracker_states(robustifier_order)
-        return (cls.FLAT_OUTPUT, cls.ERROR, cls.VIRTUAL_INPUT, states)
+        return (cls.FLAT_OUTPUT, cls.ERROR, cls.VIRTUAL_INPUT, cls.tracker_states(robustifier_order))
 
     @classmethod
     def of_controller(cls, name: str, logged: tuple[Signal, ...]) -> tuple["SignalGroup", ...]:
@@ -146,14 +142,14 @@ class SignalGroup:
         return (*COMMON, *controller_groups, *path, *((cls.LOAD_FORCE,) if forced else ()))
 
 
+@dataclass(frozen=True)
 class _Part:
     """Gives a view of some of the signals of a state."""
 
-    def __init__(self, columns: slice) -> None:
-        self._columns = columns
+    columns: slice
 
     def __get__(self, state: "State", _: type) -> "Array":
-        part: Array = state.values[..., self._columns]
+        part: Array = state.values[..., self.columns]
         return part
 
 
@@ -280,14 +276,12 @@ SignalGroup.DISTURBANCE = SignalGroup(
     ),
 )
 
-
 SignalGroup.LOAD_FORCE = SignalGroup(
     "load_force",
     "LoadForce",
     "force on the load by disturbances",
     tuple(Signal(f"load_force_{a}", f"f_{a}", "N", f"force on the load along {a}") for a in AXES),
 )
-
 
 MEASUREMENT = SignalGroup.MEASUREMENT = SignalGroup(
     "measurement",
@@ -299,7 +293,6 @@ MEASUREMENT = SignalGroup.MEASUREMENT = SignalGroup(
         Signal("beta_disturbance_estimate", "d̂_β", "rad/s²", "unexplained angular acceleration of beta"),
     ),
 )
-
 
 _COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 _RESIDUALS = (
@@ -317,7 +310,6 @@ SignalGroup.RESIDUAL = SignalGroup(
 
 # Recorded in every simulated run, with any controller.
 COMMON = (STATE, SignalGroup.LOAD, SignalGroup.INPUT, SignalGroup.DISTURBANCE)
-
 
 # Indices within groups for kernels: in the state, of axes, and of derivatives, which have three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
