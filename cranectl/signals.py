@@ -7,7 +7,10 @@ The origin of the world frame is a corner of the rig at trolley height. On the l
 import functools
 from dataclasses import dataclass
 from itertools import accumulate
-from typing import NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+if TYPE_CHECKING:
+    from cranectl.support import Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,12 +38,137 @@ class SignalGroup:
     description: str
     signals: tuple[Signal, ...]
 
+    STATE: ClassVar["SignalGroup"]
+    LOAD: ClassVar["SignalGroup"]
+    FLAT_OUTPUT: ClassVar["SignalGroup"]
+    REFERENCE: ClassVar["SignalGroup"]
+    ERROR: ClassVar["SignalGroup"]
+    INPUT: ClassVar["SignalGroup"]
+    VIRTUAL_INPUT: ClassVar["SignalGroup"]
+    DISTURBANCE: ClassVar["SignalGroup"]
+    LOAD_FORCE: ClassVar["SignalGroup"]
+    MEASUREMENT: ClassVar["SignalGroup"]
+    RESIDUAL: ClassVar["SignalGroup"]
+
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(signal.name for signal in self.signals)
 
     def __len__(self) -> int:
         return len(self.signals)
+
+    @classmethod
+    def tracker_states(cls, robustifier_order: int) -> "SignalGroup":
+        """Return the group of the flat tracker's states: the dynamic extension, then the robustifier."""
+        extension = (
+            Signal("zeta", "ζ", "m/s²", "vertical load acceleration held by the tracker"),
+            Signal("zeta_dot", "ζ̇", "m/s³", "rate of zeta"),
+        )
+        robustifier = tuple(
+            Signal(f"robustifier_{axis}_{k}", f"ξ_{axis}{k}", "1", f"robustifier state {k}, {axis}")
+            for axis in AXES
+            for k in range(1, robustifier_order + 1)
+        )
+        # A schema name must mean one schema, so each length has its own name.
+        schema = f"Controller{robustifier_order or ''}"
+        return cls("controller", schema, "states of the controller", extension + robustifier)
+
+    @classmethod
+    def command(cls, kind: str) -> "SignalGroup":
+        """Return the group of commands at the drives, after limits and delay, and of limits that act.
+
+        `kind` is acceleration, velocity or force.
+        """
+        symbol, unit = _COMMANDS[kind]
+        axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
+        description = "commands that arrive at the drives, and whether a limit has cut them off"
+        arriving = [
+            Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{kind} given to the {n} drive") for n, a in axes
+        ]
+        limited = [
+            Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act") for n, a in axes
+        ]
+        return cls("command", f"{kind.capitalize()}Command", description, (*arriving, *limited))
+
+    @classmethod
+    @functools.cache
+    def measured(
+        cls, commands: str = "", *, angles: bool = True, load: bool = True
+    ) -> tuple["SignalGroup", ...]:
+        """Return the groups of a measured run.
+
+        `commands` is the kind of the measured commands: acceleration, velocity, force, or none. Without
+        `angles` the run has the group `axes` in place of `state`; without `load`, no group `load`.
+        """
+        joints = cls("state", "MeasuredState", "measured joint positions, and their rates", cls.STATE.signals)
+        if not angles:
+            text = "measured positions of the axes, and rates"
+            joints = cls("axes", "MeasuredAxes", text, cls.STATE.signals[:6])
+        position = cls(
+            "load", "MeasuredLoad", "measured position of the load, and rate", cls.LOAD.signals[:6]
+        )
+        arriving = cls.command(commands) if commands else None
+        given = arriving and cls(
+            "command", f"Measured{arriving.schema}", "measured commands of the drives", arriving.signals[:3]
+        )
+        return (joints, *((position,) if load else ()), *((given,) if given else ()))
+
+    @classmethod
+    @functools.cache
+    def of_flat_tracker(cls, robustifier_order: int) -> tuple["SignalGroup", ...]:
+        """Return the groups that only the flat tracker records: only it has z'' and above, v and ζ."""
+        return (cls.FLAT_OUTPUT, cls.ERROR, cls.VIRTUAL_INPUT, cls.tracker_states(robustifier_order))
+
+    @classmethod
+    def of_controller(cls, name: str, logged: tuple[Signal, ...]) -> tuple["SignalGroup", ...]:
+        """Return the groups that any other controller records: load, error and its own signals."""
+        load = cls("flat_output", "LoadFromJoints", "load from the joints", cls.FLAT_OUTPUT.signals[:6])
+        error = cls("error", "LoadError", "tracking error z_d - z and its rate", cls.ERROR.signals[:6])
+        schema = f"Controller_{name.replace('-', '_')}"  # each controller has its own schema
+        own = cls("controller", schema, f"signals that {name} logs", logged)
+        return (load, error, own) if logged else (load, error)
+
+    @classmethod
+    @functools.cache
+    def recorded(
+        cls, controller_groups: tuple["SignalGroup", ...], *, staged: str = "", forced: bool = False
+    ) -> tuple["SignalGroup", ...]:
+        """Return all groups that a run records at every sample, in the order of columns.
+
+        `staged` is the kind of command in a run with a signal path, which is recorded too. The forces on
+        the load are recorded in a run with `forced` load.
+        """
+        path = (cls.MEASUREMENT, cls.command(staged)) if staged else ()
+        return (*COMMON, *controller_groups, *path, *((cls.LOAD_FORCE,) if forced else ()))
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Gives a view of some of the signals of a state."""
+
+    columns: slice
+
+    def __get__(self, state: "State", _: type) -> "Array":
+        part: Array = state.values[..., self.columns]
+        return part
+
+
+@dataclass(frozen=True)
+class State:
+    """States of a crane, shape (…, 10) in the order of `SignalGroup.STATE`, and views of their parts.
+
+    Of a measured crane without angles only the columns of the axes may be there.
+    """
+
+    values: "Array"
+
+    AXIS_NAMES: ClassVar = ("bridge_position", "trolley_position", "rope_length")
+    axes = _Part(slice(0, 6, 2))  # positions of bridge and trolley, length of the rope
+    axis_rates = _Part(slice(1, 6, 2))
+    angles = _Part(slice(6, None, 2))  # alpha, beta
+    swing = _Part(slice(6, None))  # the angles with their rates
+    joints = _Part(slice(0, None, 2))  # axes and angles
+    joint_rates = _Part(slice(1, None, 2))
 
 
 AXES = ("x", "y", "z")
@@ -64,7 +192,7 @@ def _derivatives(stem: str, symbol: str, quantity: str, orders: range) -> tuple[
     )
 
 
-STATE = SignalGroup(
+STATE = SignalGroup.STATE = SignalGroup(
     "state",
     "State",
     "joint positions and velocities, in the order of the thesis's (3.21)",
@@ -82,7 +210,7 @@ STATE = SignalGroup(
     ),
 )
 
-LOAD = SignalGroup(
+SignalGroup.LOAD = SignalGroup(
     "load",
     "Load",
     "world position and velocity of the load, and rope tension, from the plant itself",
@@ -92,28 +220,28 @@ LOAD = SignalGroup(
     ),
 )
 
-FLAT_OUTPUT = SignalGroup(
+SignalGroup.FLAT_OUTPUT = SignalGroup(
     "flat_output",
     "FlatOutput",
     "load position and derivatives, which the tracker computes from the joints and ζ",
     _derivatives("load", "z", "load as seen by the tracker", range(5)),
 )
 
-REFERENCE = SignalGroup(
+REFERENCE = SignalGroup.REFERENCE = SignalGroup(
     "load",
     "Reference",
     "desired load position and derivatives",
     _derivatives("load", "z_d", "desired load", range(5)),
 )
 
-ERROR = SignalGroup(
+SignalGroup.ERROR = SignalGroup(
     "error",
     "TrackingError",
     "tracking error z_d - z and its derivatives",
     _derivatives("error", "e", "tracking error", range(4)),
 )
 
-INPUT = SignalGroup(
+SignalGroup.INPUT = SignalGroup(
     "input",
     "Input",
     "commands of the tracker: accelerations for ideal drives, set-points for velocity drives",
@@ -127,7 +255,7 @@ INPUT = SignalGroup(
     ),
 )
 
-VIRTUAL_INPUT = SignalGroup(
+SignalGroup.VIRTUAL_INPUT = SignalGroup(
     "virtual_input",
     "VirtualInput",
     "inputs of the linearised system z⁗ = v, and the robustifier's part of them",
@@ -138,7 +266,7 @@ VIRTUAL_INPUT = SignalGroup(
     ),
 )
 
-DISTURBANCE = SignalGroup(
+SignalGroup.DISTURBANCE = SignalGroup(
     "disturbance",
     "Disturbance",
     "angular accelerations added by disturbances",
@@ -148,32 +276,14 @@ DISTURBANCE = SignalGroup(
     ),
 )
 
-
-LOAD_FORCE = SignalGroup(
+SignalGroup.LOAD_FORCE = SignalGroup(
     "load_force",
     "LoadForce",
     "force on the load by disturbances",
     tuple(Signal(f"load_force_{a}", f"f_{a}", "N", f"force on the load along {a}") for a in AXES),
 )
 
-
-def controller_group(robustifier_order: int) -> SignalGroup:
-    """Return the group of the flat tracker's states: the dynamic extension, then the robustifier by axis."""
-    extension = (
-        Signal("zeta", "ζ", "m/s²", "vertical load acceleration held by the tracker"),
-        Signal("zeta_dot", "ζ̇", "m/s³", "rate of zeta"),
-    )
-    robustifier = tuple(
-        Signal(f"robustifier_{axis}_{k}", f"ξ_{axis}{k}", "1", f"robustifier state {k}, {axis}")
-        for axis in AXES
-        for k in range(1, robustifier_order + 1)
-    )
-    # A schema name must mean one schema, so each length has its own name.
-    schema = f"Controller{robustifier_order or ''}"
-    return SignalGroup("controller", schema, "states of the controller", extension + robustifier)
-
-
-MEASUREMENT = SignalGroup(
+MEASUREMENT = SignalGroup.MEASUREMENT = SignalGroup(
     "measurement",
     "Measurement",
     "measured joint positions and velocities, and disturbances estimated by the observer",
@@ -184,12 +294,12 @@ MEASUREMENT = SignalGroup(
     ),
 )
 
-
+_COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 _RESIDUALS = (
     ("bridge", "x_c", "m"), ("trolley", "y_c", "m"), ("rope", "l", "m"), ("alpha", "α", "rad"),
     ("beta", "β", "rad"), ("load_x", "z₁", "m"), ("load_y", "z₂", "m"), ("load_z", "z₃", "m"),
 )  # fmt: skip
-RESIDUAL = SignalGroup(
+SignalGroup.RESIDUAL = SignalGroup(
     "residual",
     "Residual",
     "measured minus predicted",
@@ -198,86 +308,14 @@ RESIDUAL = SignalGroup(
     ),
 )
 
-_COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
-
-
-def command_group(kind: str) -> SignalGroup:
-    """Return the group of commands at the drives, after limits and delay, and of limits that act.
-
-    `kind` is acceleration, velocity or force.
-    """
-    symbol, unit = _COMMANDS[kind]
-    axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
-    description = "commands that arrive at the drives, and whether a limit has cut them off"
-    arriving = [
-        Signal(f"{n}_command", f"{symbol}_{a}", unit, f"{kind} given to the {n} drive") for n, a in axes
-    ]
-    limited = [
-        Signal(f"{n}_limited", f"sat_{a}", "1", f"1 while the {n} drive's limits act") for n, a in axes
-    ]
-    return SignalGroup("command", f"{kind.capitalize()}Command", description, (*arriving, *limited))
-
-
-COMMON = (STATE, LOAD, INPUT, DISTURBANCE)  # recorded in every simulated run, with any controller
-
-
-@functools.cache
-def measured_groups(commands: str = "", *, angles: bool = True, load: bool = True) -> tuple[SignalGroup, ...]:
-    """Return the groups of a measured run.
-
-    `commands` is the kind of the measured commands: acceleration, velocity, force, or none. Without `angles`
-    the run has the group `axes` in place of `state`. Without `load` nothing says where the load was.
-    """
-    joints = (
-        SignalGroup("state", "MeasuredState", "measured joint positions, and their rates", STATE.signals)
-        if angles
-        else SignalGroup(
-            "axes", "MeasuredAxes", "measured positions of the axes, and rates", STATE.signals[:6]
-        )
-    )
-    position = SignalGroup(
-        "load", "MeasuredLoad", "measured position of the load, and rate", LOAD.signals[:6]
-    )
-    arriving = command_group(commands) if commands else None
-    given = arriving and SignalGroup(
-        "command", f"Measured{arriving.schema}", "measured commands of the drives", arriving.signals[:3]
-    )
-    return (joints, *((position,) if load else ()), *((given,) if given else ()))
-
-
-@functools.cache
-def flat_groups(robustifier_order: int) -> tuple[SignalGroup, ...]:
-    """Return the groups that only the flat tracker records: only it has z'' and above, v and ζ."""
-    return (FLAT_OUTPUT, ERROR, VIRTUAL_INPUT, controller_group(robustifier_order))
-
-
-def controller_groups_of(name: str, logged: tuple[Signal, ...]) -> tuple[SignalGroup, ...]:
-    """Return the groups that any other controller records: load, error and its own signals."""
-    load = SignalGroup("flat_output", "LoadFromJoints", "load from the joints", FLAT_OUTPUT.signals[:6])
-    error = SignalGroup("error", "LoadError", "tracking error z_d - z and its rate", ERROR.signals[:6])
-    schema = f"Controller_{name.replace('-', '_')}"  # each controller has its own schema
-    own = SignalGroup("controller", schema, f"signals that {name} logs", logged)
-    return (load, error, own) if logged else (load, error)
-
-
-@functools.cache
-def recorded_groups(
-    controller_groups: tuple[SignalGroup, ...], *, staged: str = "", forced: bool = False
-) -> tuple[SignalGroup, ...]:
-    """Return all groups that a run records at every sample, in the order of columns.
-
-    `staged` is the kind of command in a run with a signal path, which is recorded too. The forces on the load
-    are recorded in a run with `forced` load.
-    """
-    path = (MEASUREMENT, command_group(staged)) if staged else ()
-    return (*COMMON, *controller_groups, *path, *((LOAD_FORCE,) if forced else ()))
-
+# Recorded in every simulated run, with any controller.
+COMMON = (STATE, SignalGroup.LOAD, SignalGroup.INPUT, SignalGroup.DISTURBANCE)
 
 # Indices within groups for kernels: in the state, of axes, and of derivatives, which have three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
 X, Y, Z = range(len(AXES))
 POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES))
-TENSION = LOAD.names.index("rope_tension")  # index in the group of the load
+TENSION = SignalGroup.LOAD.names.index("rope_tension")  # index in the group of the load
 
 
 class RecordColumns(NamedTuple):
@@ -295,19 +333,12 @@ class RecordColumns(NamedTuple):
     tension: int
     own_error: int  # of other controllers
     own_signals: int
+    path_command: int  # of the commands in the record of a signal path, which has a width of its own
+    path_width: int
 
 
-class PathColumns(NamedTuple):
-    """First column of the commands in the record of a signal path, and the width of that record."""
-
-    command: int
-    width: int
-
-
-_STARTS = (0, *accumulate(len(group) for group in recorded_groups(flat_groups(0))))
+_STARTS = (0, *accumulate(len(group) for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))))
 _OWN = _STARTS[len(COMMON)]  # of what a controller adds
-COLUMN = RecordColumns._make((*_STARTS, _STARTS[COMMON.index(LOAD)] + TENSION, _OWN + 6, _OWN + 12))
-PATH = PathColumns(len(MEASUREMENT), len(MEASUREMENT) + len(command_group("acceleration")))
-
-# Workspace axes: (signal, column in the state), the order of `RigParameters.workspace`.
-WORKSPACE_SIGNALS = ("bridge_position", "trolley_position", "rope_length")
+_PATH = len(MEASUREMENT), len(MEASUREMENT) + len(SignalGroup.command("acceleration"))
+_TENSION = _STARTS[COMMON.index(SignalGroup.LOAD)] + TENSION
+COLUMN = RecordColumns._make((*_STARTS, _TENSION, _OWN + 6, _OWN + 12, *_PATH))

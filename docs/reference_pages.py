@@ -36,7 +36,7 @@ from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named
 from cranectl.report.table import Cell
 from cranectl.report.theme import standalone_svg
 from cranectl.scenario import Scenario
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from docs.standings import statements
 
@@ -97,7 +97,7 @@ def signals() -> str:
             if not {*group.names} <= {*groups[title].names}:
                 groups[f"{title} of {controller}"] = group
     sections = []
-    for title, group in {**groups, "`/reference/load`": REFERENCE}.items():
+    for title, group in {**groups, "`/reference/load`": SignalGroup.REFERENCE}.items():
         rows = ((f"`{each.name}`", each.symbol, each.unit, each.description) for each in group.signals)
         text = table(("signal", "symbol", "unit", "meaning"), rows)
         sections.append(f"## {title}\n\n{group.description[0].upper()}{group.description[1:]}.\n\n{text}")

@@ -20,10 +20,10 @@ from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
-from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, simulate_run
-from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError
+from cranectl.support.trees import Tree
 from tests.conftest import PAIR, ROOT, cut, short_scenario
 from tests.packages import install, run_beside
 
@@ -77,7 +77,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
 
 def read_mat(path: Path) -> dict[str, Array]:
     content = loadmat(path, simplify_cells=True)
-    return dict(leaves({name: content[name] for name in ("time", *PAIR, "reference")}))
+    return dict(Tree({name: content[name] for name in ("time", *PAIR, "reference")}).leaves())
 
 
 READERS = {"csv": read_csv, "parquet": read_parquet, "mat": read_mat}
@@ -90,7 +90,7 @@ def expected_columns(runs: list[Run]) -> dict[str, Array]:
         for group in run.groups
         for name in group.names
     }
-    reference = zip(REFERENCE.names, runs[0].reference.T, strict=True)
+    reference = zip(SignalGroup.REFERENCE.names, runs[0].reference.T, strict=True)
     return {"time": runs[0].time, **columns, **{f"reference.{name}": values for name, values in reference}}
 
 
@@ -138,7 +138,7 @@ def test_mat_has_units_info_and_valid_matlab_names(log: Path, runs: list[Run]) -
     assert main(["log", "export", str(log), "--out", "a.mat"]) == 0
     content = loadmat("a.mat", simplify_cells=True)
     assert content["__header__"].startswith(b"MATLAB 5.0 MAT-file")
-    units = dict(leaves(content["units"]))
+    units = dict(Tree(content["units"]).leaves())
     assert list(units) == list(expected_columns(runs))
     assert units["mujoco.input.rope_acceleration"] == "m/s²"
     assert units["time"] == "s"
@@ -270,7 +270,7 @@ def test_a_run_without_samples_exports_the_column_names(runs: list[Run]) -> None
 def test_selected_signals_keep_the_order_of_the_log(log: Path) -> None:
     patterns = ["--signals", "reference.load_x", "--signals", "*.state.alpha", "--signals", "mujoco.state.*"]
     assert main(["log", "export", str(log), *patterns]) == 0
-    state = [f"mujoco.state.{name}" for name in recorded_groups(flat_groups(0))[0].names]
+    state = [f"mujoco.state.{name}" for name in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))[0].names]
     assert list(read_csv(Path("pair.csv"))) == ["time", "analytic.state.alpha", *state, "reference.load_x"]
 
 
@@ -285,10 +285,12 @@ def test_the_format_comes_from_the_option_or_the_ending() -> None:
 def test_the_documented_units_match_the_signals() -> None:
     """The table in docs/how-to/export.md gives the unit of every signal; its first matching row counts."""
     text = (ROOT / "docs" / "how-to" / "export.md").read_text(encoding="utf-8")
-    groups = [(f"mujoco.{group.name}", group) for group in recorded_groups(flat_groups(2))]
+    groups = [
+        (f"mujoco.{group.name}", group) for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(2))
+    ]
     units = {
         f"{prefix}.{signal.name}": signal.unit
-        for prefix, group in [("reference", REFERENCE), *groups]
+        for prefix, group in [("reference", SignalGroup.REFERENCE), *groups]
         for signal in group.signals
     }
     rows = re.findall(r"^\| (.*) \| (\S+) \|$", text, re.MULTILINE)

@@ -28,7 +28,7 @@ from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
-from cranectl.support.documents import toml_text
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from tests.plants.own_models import HALL_NAMES, MODELS
 
@@ -113,7 +113,7 @@ def tuned(folder: Path, value: str) -> object:
     numbers = folder.parent / "law.toml"
     if not numbers.exists():
         facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
-        numbers.write_text(toml_text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
+        numbers.write_text(TOML.text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
     try:
         return tuned_facts(folder.parent, "r", "law")
     except InputError:
@@ -248,7 +248,7 @@ def test_a_recorded_motion_is_known_by_its_content(tmp_path: Path) -> None:
         settings = {"name": "c", "scenario": str(path), "controllers": ["lqr"], "plants": ["analytic"]}
         uncertain = {"rig": {"load_mass": {"distribution": "uniform", "low": 0.9, "high": 1.1}}}
         path = path.with_name("campaign.toml")
-        path.write_text(toml_text({**settings, "runs": 2, "uncertain": uncertain}))
+        path.write_text(TOML.text({**settings, "runs": 2, "uncertain": uncertain}))
         return manifest_of(load_campaign(path))
 
     first = scenario("a", "path.csv", "0.7,0.7,-0.7")

@@ -62,7 +62,7 @@ from cranectl.controllers.preparation import prepared
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.simulate import plan_reference
 from cranectl.simulate.runner import nominal_crane
-from cranectl.support.documents import leaves, read_toml
+from cranectl.support import TOML, Tree
 
 designs.kept = lambda kind, key, compute: compute()  # stored designs would hide a difference
 loader.CompiledStep.address_of = lambda step: 0  # to compile steps, which are not called, takes half a minute
@@ -70,7 +70,8 @@ benchmark = read_benchmark("literature")
 controllers = measured_controllers(benchmark)
 
 def tuned(name, length):
-    stored = dict(leaves(read_toml(benchmark.file.parent / "tuned" / f"{name}.toml").get("parameters", {})))
+    table = TOML.read(benchmark.file.parent / "tuned" / f"{name}.toml")
+    stored = dict(Tree(table.get("parameters", {})).leaves())
     variables = variables_of(name)
     return assignments(variables, [float(stored[variable.key]) for variable in variables], length)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 import cranectl
 from cranectl.log.topics import FORMER_NAMES
 from cranectl.plants import PLANTS
-from cranectl.support.colours import VIEWER
+from cranectl.support.colours import Palette
 from viewer import panels, pictures
 from viewer.logs import rewrite
 from viewer.panels import Layout
@@ -176,7 +176,7 @@ def test_each_of_four_ghosts_has_the_colour_of_its_plant(
         )
         removed = before.astype(float) - after
         shade = removed[removed.min(axis=2) > 0.0].mean(axis=0)
-        expected = matplotlib.colors.to_rgb(VIEWER[PLANTS.entry(plant).colour])
+        expected = matplotlib.colors.to_rgb(Palette.VIEWER[PLANTS.entry(plant).colour])
         assert hue(shade) == pytest.approx(hue(expected), abs=0.05), plant
 
 

@@ -16,7 +16,7 @@ from cranectl.campaign.distributions import MIN_PROBABILITY, Distribution, FewVa
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, EffectNumbers, Scenario, nanoseconds
-from cranectl.support import Array, InputError, assign, exact_seconds, leaves, mapped
+from cranectl.support import Array, InputError, Quantity, Tree
 
 PHYSICAL = ("rig", "effects", "initial", "disturbances")  # tables that the plant gets
 PERIOD = "control.period"  # the controller knows it: each run has a controller made for its period
@@ -116,9 +116,9 @@ def sampled_scenario(campaign: Campaign, values: Iterable[float], source: str = 
     It takes about 0.1 ms. Raises InputError, whose text begins with `source`, if the scenario does not allow
     the values.
     """
-    table = mapped(campaign.nominal.model_dump())
+    table = Tree(campaign.nominal.model_dump()).mapped()
     for parameter, value in zip(campaign.parameters, values, strict=True):
-        assign(table, parameter.name, int(value) if parameter.is_whole else float(value), source)
+        Tree(table).assign(parameter.name, int(value) if parameter.is_whole else float(value), source)
     return Scenario.from_table(table, source).with_files(campaign.nominal.held_files)
 
 
@@ -144,7 +144,7 @@ def numbers_of(scenario: Scenario) -> dict[str, float]:
 
 def _leaves_of(scenario: Scenario) -> dict[str, Any]:
     """Return all values by dotted names, without effects, rated load and look that a rig's file states."""
-    return dict(leaves(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})))
+    return dict(Tree(scenario.model_dump(exclude={"rig": {"effects", "rated_load", "look"}})).leaves())
 
 
 def _is_number(value: Any) -> bool:
@@ -161,7 +161,7 @@ def _common_period(distribution: Distribution | None, nominal: Scenario) -> floa
             f"uncertain.{PERIOD}: its distribution is a range, not single periods",
             allowed="distribution choice or fixed, with periods that divide all times of the scenario",
             remedy='take \'distribution = "choice"\' with "values", such as '
-            f"[{', '.join(exact_seconds(times * period) for times in (1, 2, 5))}]",
+            f"[{', '.join(Quantity(times * period).setting() for times in (1, 2, 5))}]",
         )
     periods = distribution.quantile(distribution.grid(), period)
     return math.lcm(*(max(1, nanoseconds(seconds)) for seconds in periods)) / NANOSECONDS
@@ -218,7 +218,7 @@ def _parameter(
     if multiple and np.floor(high / multiple + 1e-6) < np.ceil(low / multiple - 1e-6):
         raise InputError(
             f"uncertain.{name}: no whole control period lies between {low:g} s and {high:g} s",
-            allowed=f"multiples of control.period = {exact_seconds(multiple)} s",
+            allowed=f"multiples of control.period = {Quantity(multiple).setting()} s",
             remedy="widen the range or take 'distribution = \"choice\"'",
         )
     return UncertainParameter(name, distribution, float(nominal), is_whole, multiple)
@@ -226,7 +226,7 @@ def _parameter(
 
 def _unknown(name: str, values: dict[str, Any]) -> InputError:
     """Return the error for a name that is no number; it lists the numbers below it, or similar names."""
-    everything = {**values, **dict(leaves(EffectNumbers().model_dump(), "effects"))}
+    everything = {**values, **dict(Tree(EffectNumbers().model_dump()).leaves("effects"))}
     known = [
         leaf
         for leaf, value in everything.items()

@@ -35,7 +35,7 @@ from cranectl.campaign.summary import (
 )
 from cranectl.metrics import low_is_bad
 from cranectl.plants import PLANTS
-from cranectl.support import Array, mapped
+from cranectl.support import Array, Tree
 
 LISTED_RUNS = 3  # runs listed for each plant and controller
 ONE_AT_A_TIME = "one-at-a-time"  # its samples do not spread over the distribution: no correlations
@@ -213,9 +213,9 @@ def analyse(results: Results) -> Analysis:
 def analysis_json(analysis: Analysis) -> dict[str, Any]:
     """Return all results but the summary as plain data, with arrays as lists."""
     return {
-        "influence": [mapped(part.to_json(), _plain) for part in analysis.groups],
-        "controllers": [mapped(pair.to_json(), _plain) for pair in analysis.controllers],
-        "plants": [mapped(pair.to_json(), _plain) for pair in analysis.plants],
+        "influence": [Tree(part.to_json()).mapped(_plain) for part in analysis.groups],
+        "controllers": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.controllers],
+        "plants": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.plants],
         "worst": [example._asdict() for example in analysis.worst],
     }
 

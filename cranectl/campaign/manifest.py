@@ -18,7 +18,7 @@ from cranectl.controllers import ALL_CONTROLLERS, OPEN, UDP
 from cranectl.loaders.opening import file_from
 from cranectl.plants import PLANTS, REFERENCE_PLANT, PlantEntry, examine
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
-from cranectl.support import InputError, Provenance, Table, documents
+from cranectl.support import InputError, Provenance, Table, Tree
 
 FORMAT = 3
 RULE = 1  # version of the identities
@@ -171,7 +171,7 @@ def origin_of(manifest: Mapping[str, Any], versions: Mapping[str, str]) -> Softw
 
 def differences(manifest: Mapping[str, Any], expected: Mapping[str, Any]) -> list[str]:
     """Return how two campaigns differ, a short phrase for each value, without their software."""
-    different = documents.differences(_decisive(manifest), _decisive(expected), absent="absent")
+    different = Tree(_decisive(manifest)).differences(_decisive(expected), absent="absent")
     return [f"{name} is {_short(a)}, not {_short(b)}" for name, a, b in different]
 
 

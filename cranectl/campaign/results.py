@@ -35,7 +35,7 @@ from cranectl.campaign.manifest import (
 )
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.scenario import HeldFiles
-from cranectl.support import InputError, Provenance, Table, exists, read_json, write_text, writing
+from cranectl.support import JSON, File, InputError, Provenance, Table
 
 MANIFEST_FILE = "campaign.json"
 PARTS = "parts"
@@ -126,14 +126,14 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
 def read_manifest(directory: Path) -> Table:
     """Read the manifest of the result in `directory`; raise InputError if there is none."""
     path = directory / MANIFEST_FILE
-    if not exists(path):
+    if not File(path).exists():
         raise InputError(
             f"{directory} holds no result: {MANIFEST_FILE} is missing",
             allowed="a directory that 'cranectl campaign run' has written",
             remedy="check the path",
         )
     try:
-        manifest = read_json(path)
+        manifest = JSON.read(path)
     except InputError as error:
         raise InputError(
             error.found,
@@ -207,7 +207,7 @@ def open_store(
 
     _check_empty(directory)
     lock = FileLock(directory / LOCK_FILE)  # the system releases it even if the process is killed
-    with writing(directory, remedy=ELSEWHERE):
+    with File(directory).writing(remedy=ELSEWHERE):
         (directory / PARTS).mkdir(parents=True, exist_ok=True)
         try:
             locked = lock.acquire(blocking=False)
@@ -222,13 +222,15 @@ def open_store(
         _check_empty(directory)  # again, because another process may have written since the first check
         if overwrite:
             _clear(directory)
-        if exists(directory / MANIFEST_FILE):
+        if File(directory / MANIFEST_FILE).exists():
             known = read_manifest(directory)
             _check_same(directory, known, manifest, resume=resume)
             manifest |= _software(directory, known, manifest["versions"], accepted=despite_differences)
             manifest["command"] = known.get("command", [])
-        with writing(directory, remedy=ELSEWHERE):
-            write_text(directory / MANIFEST_FILE, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+        with File(directory).writing(remedy=ELSEWHERE):
+            File(directory / MANIFEST_FILE).write_text(
+                json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
+            )
             HeldFiles(directory).write(campaign.nominal.held_files)
         try:
             yield _prepared(directory, campaign, manifest)
@@ -240,7 +242,7 @@ def open_store(
 
 def _check_empty(directory: Path) -> None:
     """Raise InputError if the directory has files but no result."""
-    if not exists(directory) or not directory.is_dir() or exists(directory / MANIFEST_FILE):
+    if not File(directory).exists() or not directory.is_dir() or File(directory / MANIFEST_FILE).exists():
         return
     own = (PARTS, LOCK_FILE)
     paths = [path for path in directory.iterdir() if path.name not in own]

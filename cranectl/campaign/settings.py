@@ -10,7 +10,7 @@ from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Dist
 from cranectl.metrics import Limits
 from cranectl.plants import PLANTS, REFERENCE_PLANT, Drive, plant_named
 from cranectl.scenario import RuleError, Settings, override, rig_place
-from cranectl.support import MAX_RUNS, InputError, Shipped, leaves, read_toml
+from cranectl.support import MAX_RUNS, TOML, InputError, Shipped, Tree
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
 INDEPENDENT = ("monte-carlo", "latin-hypercube", "sobol")  # samplings whose runs represent the distribution
@@ -101,7 +101,7 @@ def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     Raises InputError for mistakes in the file itself; `load_campaign` checks it against the scenario.
     """
     path = campaign_file(name_or_path)
-    table = read_toml(path)
+    table = TOML.read(path)
     if isinstance(table.get("rig"), str):
         table["rig"] = str(rig_place(table["rig"], path.parent))
     if isinstance(table.get("plants"), list):
@@ -133,7 +133,7 @@ def _distributions(node: Mapping[str, Any], source: str) -> dict[str, Distributi
     """Return the distributions below [uncertain] by the dotted names of their parameters."""
     distributions: dict[str, Distribution] = {}
 
-    for name, table in leaves(node, is_leaf=is_distribution):
+    for name, table in Tree(node).leaves(is_leaf=is_distribution):
         if name in distributions:
             raise InputError(
                 f"{source}: parameter '{name}' appears twice under [uncertain]",

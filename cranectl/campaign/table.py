@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
 from cranectl.metrics import RunMetrics, all_metrics
-from cranectl.support import Interruption, Provenance, open_input, replacing
+from cranectl.support import File, Interruption, Provenance
 
 Value = int | float | str | None
 Row = dict[str, Value]
@@ -129,7 +129,7 @@ def write_part(
     schema = _part_schema(campaign, origin, batch)
     table = pyarrow.Table.from_pylist(list(rows), schema=schema)
     # An open file instead of its path, because Arrow takes UTF-8 paths only.
-    with Interruption.delayed(), replacing(path) as unfinished, unfinished.open("wb") as stream:
+    with Interruption.delayed(), File(path).replacing() as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(
             table,
             stream,
@@ -151,7 +151,10 @@ def read_part(
     from pyarrow import parquet
 
     try:
-        with open_input(path) as stream, parquet.ParquetFile(stream, page_checksum_verification=True) as file:
+        with (
+            File(path).open() as stream,
+            parquet.ParquetFile(stream, page_checksum_verification=True) as file,
+        ):
             schema = file.schema_arrow
             table = file.read(use_threads=False)
             table.validate(full=True)

@@ -15,7 +15,7 @@ from cranectl.design import ControllerDesign
 from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
 from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate import (
     Loop,
     PlannedReference,
@@ -118,7 +118,7 @@ class Worker:
         self._prepared = prepared
         self._plants: dict[tuple[str, int, int], Plant] = {}  # by name, control period, steps in it
         self._records: dict[int, Array] = {}  # by number of columns
-        self._path_record = np.zeros((BLOCK, PATH.width))
+        self._path_record = np.zeros((BLOCK, COLUMN.path_width))
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; repeat a run if the machine fails, for example for lack of memory.

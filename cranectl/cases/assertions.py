@@ -32,7 +32,7 @@ from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import Arguments, InputError, Provenance, exact_seconds, quantity
+from cranectl.support import Arguments, InputError, Provenance, Quantity
 
 MAX_SHOWN_SIGNALS = 3  # of a run that differs from its golden run
 GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay different
@@ -135,7 +135,8 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
             faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
         if not agreement.passed and not is_limited:
             step = judge_steps((a, b), limits).curing_step_s
-            hints += [] if step is None else [f"they agree with control.physics_step = {exact_seconds(step)}"]
+            if step is not None:
+                hints.append(f"they agree with control.physics_step = {Quantity(step).setting()}")
     _raise_for(faults, hints)
 
 
@@ -243,7 +244,7 @@ def _unexpected_ends(runs: CaseRuns) -> list[str]:
 
 
 def _difference(signal: str, unit: str, size: float, at_s: float, limit: float) -> str:
-    return f"{signal} by {quantity(size, unit)} at {at_s:g} s, limit {quantity(limit, unit)}"
+    return f"{signal} by {Quantity(size, unit)} at {at_s:g} s, limit {Quantity(limit, unit)}"
 
 
 def _raise_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:

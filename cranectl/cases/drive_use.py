@@ -50,9 +50,9 @@ def commands_of(run: Run) -> dict[str, Array]:
     the set-points of velocity drives, and else those of the axes. Force drives also have forces.
     """
     inputs, kind = run.block("input"), DRIVES[run.drive].command
-    velocities = inputs[:, 3:6] if kind == "velocity" else run.block("state")[:, 1:6:2]
+    velocities = inputs[:, 3:6] if kind == "velocity" else run.state.axis_rates
     commands = {"acceleration": inputs[:, :3], "velocity": velocities}
-    return commands | ({"force": run.block("command")[:, :3]} if kind == "force" else {})
+    return commands | ({"force": run.commands} if kind == "force" else {})
 
 
 def beyond_drives(run: Run) -> str:

@@ -12,7 +12,7 @@ from cranectl.compare import Agreement
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import LimitVerdict, all_metrics
 from cranectl.plants import PLANTS
-from cranectl.support import InconsistentError, JUnitCase, difference_in, quantity, scaled
+from cranectl.support import InconsistentError, JUnitCase, Quantity
 
 Kind = Literal["passed", "failed", "error"]  # error: no result
 BETWEEN_PLANTS = "plants"  # key of a difference between plants
@@ -238,7 +238,7 @@ def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
 def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
     """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
     metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
-    factor, unit = scaled(metric.unit, max(abs(limit.value or 0.0), limit.limit))
+    factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), metric.unit).scale()
     if metric.unit == "rad":
         factor, unit = math.degrees(1.0), "°"
     value = None if limit.value is None else factor * limit.value
@@ -263,5 +263,5 @@ def _judged_agreement(agreement: Agreement) -> JudgedValue:
         name = f"The runs on {plants} end in different ways, or at different times"
         return JudgedValue(BETWEEN_PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
     name = f"Difference of {quantities} between {agreement.plant} and {agreement.reference}"
-    texts = quantity(limit or 0.0, unit), difference_in(value, unit)
+    texts = Quantity(limit or 0.0, unit).text(), Quantity(value, unit).difference()
     return JudgedValue(BETWEEN_PLANTS, name, *texts, agreement.passed is not False, max(ratios))

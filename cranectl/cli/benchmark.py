@@ -14,7 +14,7 @@ from cranectl.cli.controller_options import controllers_option, opened, timeout_
 from cranectl.cli.counts import MAX_WORKERS, count_option
 from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress, progress_bar
-from cranectl.support import MAX_DRAWS, FileKind, InputError, Shipped, exists
+from cranectl.support import MAX_DRAWS, File, FileKind, InputError, Shipped
 
 if TYPE_CHECKING:
     from cranectl.campaign.benchmark.settings import Benchmark
@@ -270,7 +270,7 @@ def report_benchmark(
 def _table_place(path: Path) -> Path:
     """Return where a table is: at its path, or else beside the benchmark of its name in a checkout."""
     judged = Shipped.BENCHMARKS.folder / f"{path.stem}.parquet"
-    is_name = not exists(path) and path.name == str(path)
+    is_name = not File(path).exists() and path.name == str(path)
     if not is_name or not judged.with_suffix(".toml").is_file():
         return path
     if not judged.is_file():

@@ -294,3 +294,12 @@ def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
         help="ideal: accelerations realised exactly; velocity: first-order drives with set-points"
         f"{forces}{both}.",
     )
+
+
+def short_names(files: Sequence[Path]) -> list[str]:
+    """Return a name for each file: its stem, with as many directories as make it unique."""
+    for depth in range(1, max(len(file.parts) for file in files) + 1):
+        names = ["/".join((*file.parent.parts, file.stem)[-depth:]) for file in files]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{file.stem}-{k}" for k, file in enumerate(files, 1)]

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import command, exit_codes
+from cranectl.cli.command import short_names
 from cranectl.cli.output import FAILED, PASSED, Screen, styled
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import FileKind, InputError, exists, short_names
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.compare import Comparison
@@ -82,7 +83,7 @@ def compare_command(
     ):
         if wrong:
             raise InputError(found, allowed=allowed, remedy=remedy)
-    directories = [log for log in logs if exists(log) and log.is_dir()]
+    directories = [log for log in logs if File(log).exists() and log.is_dir()]
     if directories and (tolerances is None or len(directories) < len(logs)):
         raise InputError(
             f"{directories[0]} is a directory",
@@ -233,7 +234,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
 
 def _check_are_two(new: Path, golden: Path) -> None:
     """Raise InputError if both names are of one file or directory."""
-    if exists(new) and exists(golden) and new.samefile(golden):
+    if File(new).exists() and File(golden).exists() and new.samefile(golden):
         raise InputError(
             f"{new} and {golden} are one file, which agrees with itself",
             allowed="two logs, or two directories of logs",

@@ -12,7 +12,7 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
-from cranectl.support import FileKind, InputError, replacing, write_text, writing
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.export.prepared import Exported
@@ -193,16 +193,16 @@ class Export(NamedTuple):
             screen.print(f"exported: {self.directory}; {readme} says how to check it on the target")
         if self.fmu is not None and content is not None:
             table = self.fmu.with_suffix(".toml")
-            with writing(table, remedy="choose another place with --fmu"):
-                write_text(table, content.table)
-                with replacing(self.fmu) as part:
+            with File(table).writing(remedy="choose another place with --fmu"):
+                File(table).write_text(content.table)
+                with File(self.fmu).replacing() as part:
                     part.write_bytes(content.archive)
             screen.print(f"exported: {self.fmu}, and {table} with what cranectl reads beside it")
 
 
 def _check_directory(directory: Path) -> None:
     """Raise InputError unless a directory is new or empty."""
-    with writing(directory, remedy="choose another place with --export"):
+    with File(directory).writing(remedy="choose another place with --export"):
         is_free = not directory.exists() or (directory.is_dir() and not any(directory.iterdir()))
     if not is_free:
         raise InputError(
@@ -221,6 +221,6 @@ def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     if not single:  # the library for cranectl computes with doubles
         texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():
-        with writing(directory / file, remedy="choose another place with --export"):
+        with File(directory / file).writing(remedy="choose another place with --export"):
             directory.mkdir(parents=True, exist_ok=True)
-            write_text(directory / file, text)
+            File(directory / file).write_text(text)

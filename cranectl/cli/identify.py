@@ -11,7 +11,7 @@ from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_rigs
 from cranectl.cli.measured_files import map_option, read_measured, sheets_option
 from cranectl.cli.output import Screen
-from cranectl.support import FileKind, write_text, writing
+from cranectl.support import File, FileKind
 
 if TYPE_CHECKING:
     from cranectl.measured.replay import Replay
@@ -88,10 +88,10 @@ def identify_command(
     result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
-    with writing(path):
-        write_text(fit, fit_text(result, runs))
-        write_text(campaign, campaign_text(result, path.name, f"{path.stem}-campaign", names))
-        write_text(path, rig_text(result, base, names))
+    with File(path).writing():
+        File(fit).write_text(fit_text(result, runs))
+        File(campaign).write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names))
+        File(path).write_text(rig_text(result, base, names))
     screen.print(identified_table(result))
     screen.print_each(remarks(result, named))
     screen.print(f"rig: {path}")

@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command, exit_codes
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support import InputError
+from cranectl.support import InputError, Quantity
 
 if TYPE_CHECKING:
     from cranectl.log import Layer, LogDescription
@@ -161,7 +161,7 @@ def _print_plants(
     from cranectl.planning.review import add_claims
     from cranectl.plants import PhysicsStep
     from cranectl.report.run.differences import settings_table
-    from cranectl.support import Provenance, difference_text
+    from cranectl.support import Provenance
 
     runs = {name: layer.run for name, layer in layers.items()}
     run_list = list(runs.values())
@@ -182,7 +182,8 @@ def _print_plants(
         *(("steps", str(PhysicsStep(r.scenario, r.drive))) for r in run_list[:1] if r.has_reference),
     ]
     for agreement in agreements:
-        load, angle = map(difference_text, (agreement.max_load_error_m, agreement.max_angle_error_rad))
+        errors = (agreement.max_load_error_m, agreement.max_angle_error_rad)
+        load, angle = (Quantity(error).si_difference() for error in errors)
         why = f": {agreement.limits}" if agreement.passed is None else ""
         who = "plants" if len(agreements) == 1 else f"{agreement.plant} and {agreement.reference}"
         facts.append(("verdict", f"{who} at most {load} m, {angle} rad apart: {agreement.verdict}{why}"))

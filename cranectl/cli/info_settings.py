@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.output import Screen
-from cranectl.support import InputError, exists
+from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table
@@ -23,9 +23,9 @@ def kind_of(file: Path) -> Kind:
     from cranectl.plants import MODEL_ENDING
     from cranectl.scenario import rig_names, scenario_names
 
-    if not exists(file) and str(file) in rig_names():
+    if not File(file).exists() and str(file) in rig_names():
         return "rig"
-    if not exists(file) and str(file) in scenario_names():
+    if not File(file).exists() and str(file) in scenario_names():
         return "scenario"
     if file.suffix == MODEL_ENDING:
         return "model"
@@ -35,7 +35,7 @@ def kind_of(file: Path) -> Kind:
         name = ":NAME" if file.suffix == ".py" else ""  # a file in Python may have several
         remedy = f"cranectl run fast-diagonal --controller {shlex.quote(str(file))}{name}"
         raise InputError(f"{file} is a controller", allowed=SHOWN, remedy=remedy)
-    if exists(file) and file.is_file() and not _is_log(file):
+    if File(file).exists() and file.is_file() and not _is_log(file):
         remedy = (
             f"name one of these; a measured file gets a map by: cranectl new map {shlex.quote(str(file))}"
         )
@@ -46,9 +46,9 @@ def kind_of(file: Path) -> Kind:
 def _kind_of_table(file: Path) -> Kind:
     """Return what a TOML file is, by its keys."""
     from cranectl.scenario import RigParameters
-    from cranectl.support import read_toml
+    from cranectl.support import TOML
 
-    keys, path = set(read_toml(file)), shlex.quote(str(file))
+    keys, path = set(TOML.read(file)), shlex.quote(str(file))
     others = {  # by a key that no other kind of file has
         "scenario": ("a campaign", f"cranectl campaign show {path}"),
         "scenarios": ("a benchmark", f"cranectl benchmark run {path}"),
@@ -111,10 +111,10 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
 
 def _rig_table(title: str, rig: "RigOrigins") -> "Table":
     from cranectl.report.table import Cell, Table, cells
-    from cranectl.support import plain
+    from cranectl.support import Tree
 
     rows = (
-        cells(n.name, plain(n.value), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
+        cells(n.name, Tree(n.value).text(), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
         for n in rig.numbers
     )
     note = "Numbers of effects act in runs that have the effect. Units are SI; every key: list --schema rig."
@@ -124,7 +124,7 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
     from cranectl.report.table import Table, cells
-    from cranectl.support import plain
+    from cranectl.support import Tree
 
     scenario = request.read()
     segments = [segment.kind for segment in scenario.reference.segments]
@@ -137,13 +137,13 @@ def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
         ("reference", f"from ({start}) m: {', '.join(segments) or 'the load is held'}"),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
-        ("limits", ", ".join(f"{name} = {plain(limit)}" for name, limit in limits.items()) or "none"),
+        ("limits", ", ".join(f"{name} = {Tree(limit).text()}" for name, limit in limits.items()) or "none"),
         ("must end", scenario.expected),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
     assumed = scenario.assumed_settings
     rows = tuple(
-        cells(name, plain(value), "scaled to the crane" if name in assumed else "")
+        cells(name, Tree(value).text(), "scaled to the crane" if name in assumed else "")
         for name, value in scenario.changed_from_default.items()
     )
     title = "Settings that are not the default"

@@ -13,7 +13,7 @@ from cranectl.cli.controller_options import controller_option
 from cranectl.cli.counts import MAX_PORT, Count
 from cranectl.cli.idle import idle_lines, print_idle
 from cranectl.cli.output import Screen
-from cranectl.support import FileKind, Interruption, printable, write_text, writing
+from cranectl.support import File, FileKind, Interruption, printable
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -85,8 +85,8 @@ def live_command(
     if layout:
         from cranectl.report.viewer_layouts import layout_json
 
-        with writing(layout):
-            write_text(layout, layout_json("live", plants=plants, rig=loaded.limited_rig))
+        with File(layout).writing():
+            File(layout).write_text(layout_json("live", plants=plants, rig=loaded.limited_rig))
     session_type = ChildSession if OPEN.files else Session
     session = session_type(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))

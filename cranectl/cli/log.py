@@ -10,7 +10,7 @@ import click
 from cranectl.cli import command
 from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
-from cranectl.support import FileKind, InputError, write_text, writing
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
@@ -109,19 +109,19 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
         logged=design.signals if design and design.axis_design is None else None,
         recorded=_signals_without_reference(layers),
     )
-    with writing(out):
-        write_text(out, content)
+    with File(out).writing():
+        File(out).write_text(content)
     Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
 
 
 def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None:
     """Return topic and field of all signals of runs without a reference; None if all runs have one."""
     from cranectl.log import DISTANCE, STEP, plant_topic
-    from cranectl.signals import REFERENCE
+    from cranectl.signals import SignalGroup
 
     if all(layer.run.has_reference for layer in layers.values()):
         return None
-    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": REFERENCE}
+    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": SignalGroup.REFERENCE}
     groups = {
         plant_topic(label, name): group
         for label, layer in layers.items()

@@ -66,7 +66,7 @@ def compare_measured(
     for plant, prediction in predicted.items():
         title = f"measured minus predicted, {plant}, {REPEATED[replayed]}"
         screen.print(residual_table(title, summaries[plant]))
-        distance = np.linalg.norm(prediction.block("residual")[:, 5:], axis=1)
+        distance = prediction.load_residual
         worst = int(np.argmax(distance))
         screen.print(
             f"the loads are at most {1e3 * distance[worst]:.3g} mm apart, at {prediction.time[worst]:g} s"
@@ -109,10 +109,10 @@ def _residuals(prediction: "Run") -> list[dict[str, Any]]:
     """Return sizes and times of the residuals of a prediction as plain data, in SI units."""
     import numpy as np
 
-    from cranectl.signals import RESIDUAL
+    from cranectl.signals import SignalGroup
 
     residuals = []
-    for signal, values in zip(RESIDUAL.signals, prediction.block("residual").T, strict=True):
+    for signal, values in zip(SignalGroup.RESIDUAL.signals, prediction.block("residual").T, strict=True):
         worst = int(np.argmax(np.abs(values)))
         residuals.append(
             {

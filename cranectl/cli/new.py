@@ -12,7 +12,7 @@ import click
 
 from cranectl.cli.command import PATH, Command
 from cranectl.cli.counts import MAX_SEED, Count
-from cranectl.support import InputError, exists, write_text, writing
+from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
     from cranectl.report.table import Table
@@ -123,7 +123,7 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
     texts = {directory / f"{name}-run-{k}.csv": set_points_text(run) for k, run in enumerate(runs, 1)}
-    starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.block("state")[0, :6:2]) for run in runs)
+    starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.state.axes[0]) for run in runs)
     notes = [
         f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
     ]
@@ -150,9 +150,9 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     rows = [
         cells(
             str(k),
-            *(f"{position:.4g}" for position in run.block("state")[0, :6:2]),
+            *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",
-            *(f"{speed:.3g}" for speed in np.abs(run.block("command")[:, :3]).max(axis=0)),
+            *(f"{speed:.3g}" for speed in np.abs(run.commands).max(axis=0)),
             f"{np.degrees(largest_swing(run).max()):.1f}",
         )
         for k, run in enumerate(runs, 1)
@@ -169,12 +169,12 @@ def _write(texts: Mapping[Path, str], *, shared: str = "") -> None:
     """Write new files; raise InputError if one exists, but for the file `shared` with the same text."""
     for path, text in texts.items():
         same = path.name == shared and path.is_file() and path.read_text(encoding="utf-8") == text
-        if exists(path) and not same:
+        if File(path).exists() and not same:
             raise InputError(
                 f"{path} exists", allowed="a name that is free", remedy="choose another name, or another --in"
             )
     for path, text in texts.items():
-        with writing(path):
+        with File(path).writing():
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_text(path, text)
+            File(path).write_text(text)
         click.echo(f"written: {click.format_filename(path)}")

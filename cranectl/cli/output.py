@@ -28,7 +28,7 @@ from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from cranectl.report.table import Table
-from cranectl.support import in_background, mapped, printable, write_text, writing
+from cranectl.support import File, Tree, in_background, printable
 
 if TYPE_CHECKING:
     from cranectl.report.page import Page
@@ -74,13 +74,13 @@ class Screen(Console):
         """Write `data` to the requested file, if any; `-` is standard output."""
         if self._json_file is None:
             return
-        text = json.dumps(mapped(data, _finite), indent=2)
+        text = json.dumps(Tree(data).mapped(_finite), indent=2)
         if self._json_file == "-":
             print(text)
             return
         path = Path(self._json_file)
-        with writing(path, remedy="choose another place with --json"):
-            write_text(path, text + "\n")
+        with File(path).writing(remedy="choose another place with --json"):
+            File(path).write_text(text + "\n")
 
     def save_page(self, page: "Page", path: Path) -> None:
         """Write a page and print where it is."""
@@ -102,8 +102,8 @@ class Screen(Console):
         """Write JUnit XML and print where it is."""
         from cranectl.support import JUnitCase
 
-        with writing(path):
-            write_text(path, JUnitCase.document(cases, command))
+        with File(path).writing():
+            File(path).write_text(JUnitCase.document(cases, command))
         self.print(f"JUnit: {path}")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option
+from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, short_names
 from cranectl.cli.output import Screen
-from cranectl.support import FileKind, InputError, check_replaceable, short_names
+from cranectl.support import File, FileKind, InputError
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -97,7 +97,7 @@ def _check_number(logs: int) -> None:
 def _check_directory(directory: Path) -> None:
     """Raise InputError unless files can be written into `directory`; make it if it is missing."""
     try:
-        check_replaceable(directory / "figure.svg")
+        File(directory / "figure.svg").check_replaceable()
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot write figures into {directory}: {error}",

@@ -11,7 +11,7 @@ from cranectl.cli.controller_options import controller_option, timeout_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.output import Screen, progress_bar, styled
 from cranectl.cli.refused_options import fmi_option, refuse_fmi
-from cranectl.support import FileKind, InputError, replacing, writing
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case
@@ -120,7 +120,7 @@ def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
             remedy="name one: --plants analytic",
         )
     content = fmu_archive(plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2))
-    with writing(path), replacing(path) as part:
+    with File(path).writing(), File(path).replacing() as part:
         part.write_bytes(content)
 
 

@@ -16,7 +16,7 @@ from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.measured import is_measured, judge_runs
 from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
-from cranectl.support import FileKind, InputError, exists
+from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.cases.case import Case, Failure, Keep
@@ -205,7 +205,7 @@ def _sources(names: Sequence[str]) -> list[str]:
     """Replace each directory in `names` by the scenarios in and below it; leave out rigs and campaigns."""
     sources = []
     for name in names:
-        if not exists(Path(name)) or not Path(name).is_dir():
+        if not File(Path(name)).exists() or not Path(name).is_dir():
             sources.append(name)
             continue
         files_below = sorted(Path(name).rglob("*.toml"), key=str)
@@ -222,10 +222,10 @@ def _sources(names: Sequence[str]) -> list[str]:
 
 def _is_rig_or_campaign(file: Path) -> bool:
     from cranectl.scenario import RigParameters
-    from cranectl.support import read_toml
+    from cranectl.support import TOML
 
     try:
-        keys = set(read_toml(file))
+        keys = set(TOML.read(file))
     except InputError:  # told when it is loaded
         return False
     return "scenario" in keys or keys <= {*RigParameters.model_fields, "extends"}

@@ -18,7 +18,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, fits, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import Arguments, InconsistentError, Shipped, read_toml
+from cranectl.support import TOML, Arguments, InconsistentError, Shipped
 
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
 ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
@@ -108,7 +108,7 @@ def agreement_limits(drive: str) -> AgreementLimits:
 @functools.cache
 def _closed_loop() -> dict[str, Any]:
     """Read the limits of `validation/tolerances.toml`, once for all pairs."""
-    table: dict[str, Any] = read_toml(Shipped.TOLERANCE_FILE)["closed-loop"]
+    table: dict[str, Any] = TOML.read(Shipped.TOLERANCE_FILE)["closed-loop"]
     return table
 
 

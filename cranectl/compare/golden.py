@@ -17,7 +17,7 @@ from cranectl.compare.runs import (
 )
 from cranectl.scenario import NANOSECONDS, Settings, nanoseconds
 from cranectl.simulate import Run
-from cranectl.support import InputError, Shipped, read_toml
+from cranectl.support import TOML, InputError, Shipped
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -91,7 +91,7 @@ class RegressionVerdict:
 def load_tolerances(name_or_path: str) -> Tolerances:
     """Load tolerances by name or from a TOML file; raise InputError for mistakes in it."""
     path = Shipped.REGRESSIONS.file(name_or_path)
-    return Tolerances.from_table(read_toml(path), path.name)
+    return Tolerances.from_table(TOML.read(path), path.name)
 
 
 def judge_regression(new: Run, golden: Run, tolerances: Tolerances) -> RegressionVerdict:

@@ -11,7 +11,7 @@ from cranectl.plants import PLANTS
 from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
-from cranectl.support import Arguments, Array, InputError, differences, leaves
+from cranectl.support import Arguments, Array, InputError, Tree
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
@@ -151,8 +151,8 @@ def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
         for name in ("source", "reference"):
             design["controller"].get("origin", {}).pop(name, None)
     for tables in (scenarios, designs):
-        first, second = (dict(leaves(table)) for table in tables)
-        differing = differences(first, second, absent="nothing")
+        first, second = (dict(Tree(table).leaves()) for table in tables)
+        differing = Tree(first).differences(second, absent="nothing")
         named += tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing)
         if named:
             break

@@ -32,7 +32,7 @@ from cranectl.controllers.lqr_integral import matrices
 from cranectl.controllers.slots import Slots
 from cranectl.design import design_controller
 from cranectl.scenario import DesignSettings
-from cranectl.signals import COLUMN, VIRTUAL_INPUT, controller_group
+from cranectl.signals import COLUMN, SignalGroup
 from cranectl.support import Array, jit
 
 POLES = tuple(f"pole_{k}" for k in range(1, 5))
@@ -130,8 +130,8 @@ FLAT_VELOCITY = Controller(
         for name in POLES
     ),
     logged=(
-        *map(Logged, range(TRACKED.zeta, TRACKED.begun), controller_group(0).signals),
-        *map(Logged, range(VIRTUAL, VIRTUAL + 3), VIRTUAL_INPUT.signals[:3]),
+        *map(Logged, range(TRACKED.zeta, TRACKED.begun), SignalGroup.tracker_states(0).signals),
+        *map(Logged, range(VIRTUAL, VIRTUAL + 3), SignalGroup.VIRTUAL_INPUT.signals[:3]),
     ),
     linearise=linearise,
 )  # fmt: skip

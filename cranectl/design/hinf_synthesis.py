@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, schur
 
 from cranectl.design.linear_systems import HinfController, balanced, closed_loop_norm, ill_conditioned
-from cranectl.support import Array, InputError, at_least
+from cranectl.support import Array, InputError, Quantity
 
 GAMMA_ROUNDING = 1e-5  # largest relative error of gamma by SB10AD's bisection; five digits are printed
 BISECTION = 1e-9  # relative width at which the bisection for the smallest gamma ends
@@ -51,9 +51,10 @@ def hinf_controller(
 def design_gamma(smallest: float, back_off: float, gamma: float | None, name: str) -> float:
     """Return the gamma to design for; raise InputError for a `gamma` below the smallest."""
     if gamma is not None and gamma < smallest:
+        least = Quantity(smallest).at_least(6)
         raise InputError(
             f"{name} with gamma = {gamma:g}",
-            allowed=f"gamma of at least {at_least(smallest, 6)}, the smallest that these weights allow",
+            allowed=f"gamma of at least {least}, the smallest that these weights allow",
             remedy="raise gamma, or leave it out and set back_off",
         )
     return rounded_up(back_off * smallest) if gamma is None else gamma

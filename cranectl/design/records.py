@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.signals import Signal, SignalGroup, controller_groups_of, flat_groups
+from cranectl.signals import Signal, SignalGroup
 from cranectl.support import Array, InconsistentError, Provenance
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class ControllerDesign:
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The signal groups that a run with this controller records, besides those of every run."""
-        return controller_groups_of(self.name, self.signals)
+        return SignalGroup.of_controller(self.name, self.signals)
 
     @property
     def axis_design(self) -> "Design | None":
@@ -206,7 +206,7 @@ class Design(ControllerDesign):
     @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The signal groups of the flat tracker, which has z'' and above, v and zeta."""
-        return flat_groups(self.robustifier.sampled_order)
+        return SignalGroup.of_flat_tracker(self.robustifier.sampled_order)
 
     @property
     def axis_design(self) -> "Design":

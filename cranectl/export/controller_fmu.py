@@ -12,7 +12,7 @@ from cranectl.export.prepared import Exported
 from cranectl.export.sample import KEPT
 from cranectl.plants import DRIVES
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import REFERENCE, STATE, command_group
+from cranectl.signals import SignalGroup
 from cranectl.support import InputError
 
 FAILURE = (
@@ -56,8 +56,9 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
             remedy="export it as C, to a directory",
         )
     measured, reference = exported.inputs[0]
-    group, signals = ("encoders", STATE.signals[::2]) if len(measured) == JOINTS else ("state", STATE.signals)
-    groups = ((group, signals, measured), ("reference", REFERENCE.signals, reference))
+    state = SignalGroup.STATE.signals
+    group, signals = ("encoders", state[::2]) if len(measured) == JOINTS else ("state", state)
+    groups = ((group, signals, measured), ("reference", SignalGroup.REFERENCE.signals, reference))
     inputs = [
         FmuVariable.of_signal(f"{kind}.{signal.name}", "input", signal, float(start))
         for kind, signals, starts in groups
@@ -66,7 +67,7 @@ def controller_fmu(exported: Exported, fmi: int = 2) -> ControllerFmu:
     command = DRIVES[exported.drive].command
     outputs = [
         FmuVariable.of_signal(f"command.{axis}", "output", signal)._replace(discrete=True)
-        for axis, signal in zip(DRIVEN, command_group(command).signals, strict=False)
+        for axis, signal in zip(DRIVEN, SignalGroup.command(command).signals, strict=False)
     ]
     values = {
         "STEM": exported.stem,

@@ -16,8 +16,8 @@ from cranectl.export.single import in_single_precision, measure_single
 from cranectl.export.values import literal
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import BRIDGE, ERROR, FLAT_OUTPUT, ROPE, STATE, TROLLEY, Signal
-from cranectl.support import Array, InputError, exact_seconds
+from cranectl.signals import BRIDGE, ROPE, TROLLEY, Signal, SignalGroup
+from cranectl.support import Array, InputError, Quantity
 
 TOLERANCE, SINGLE_TOLERANCE = "1e-11", "1e-4"  # of commands on a target, relative to 1 or to a larger one
 INCLUDED = "#include <math.h>\n#include <stdbool.h>\n#include <stdint.h>\n"
@@ -138,7 +138,7 @@ def _values(exported: Exported) -> dict[str, str]:
 
 def _start(exported: Exported) -> str:
     """Return the state at the start, without angles and rates that are zero."""
-    state = zip(STATE.signals, exported.run.block("state")[0].tolist(), strict=True)
+    state = zip(SignalGroup.STATE.signals, exported.run.block("state")[0].tolist(), strict=True)
     return ", ".join(
         f"{signal.name.replace('_', ' ')} {value:.6g} {signal.unit}"
         for place, (signal, value) in enumerate(state)
@@ -165,7 +165,7 @@ def _signals(controller: Controller, design: ControllerDesign, memory: int) -> d
     logged: Iterable[tuple[int, Signal]] = controller.logged
     if controller.records_all:
         signals = [signal for group in design.groups for signal in group.signals]
-        known = {*FLAT_OUTPUT.names[:LOOPED], *ERROR.names[:LOOPED]}
+        known = {*SignalGroup.FLAT_OUTPUT.names[:LOOPED], *SignalGroup.ERROR.names[:LOOPED]}
         places = enumerate(signals, memory - len(signals))
         logged = [(place, signal) for place, signal in places if signal.name not in known]
     rows = [
@@ -201,7 +201,7 @@ def _reference_text(exported: Exported) -> str:
         raise InputError(
             f"the reference of {exported.scenario.name} has {len(rows)} samples",
             allowed=f"at most {MAX_REFERENCE_ROWS}, which are {MAX_REFERENCE_ROWS * period:g} s",
-            remedy=f"add --set duration={exact_seconds((MAX_REFERENCE_ROWS // 2) * period)}, "
+            remedy=f"add --set duration={Quantity((MAX_REFERENCE_ROWS // 2) * period).setting()}, "
             "or take a shorter scenario",
         )
     said = f"{FOLLOWED[exported.controller.follows].capitalize()} in the scenario {exported.scenario.name}"

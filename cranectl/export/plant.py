@@ -7,7 +7,7 @@ from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
 from cranectl.plants import ADVANCE, DRIVES, MEASURE, PLANTS, Drive, plant_object
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import AXES, DISTURBANCE, LOAD, LOAD_FORCE, STATE, TENSION, SignalGroup, command_group
+from cranectl.signals import TENSION, SignalGroup
 from cranectl.simulate import checked_drive, commands_at_start, make_plant, plan_scenario
 from cranectl.status import RunStatus
 from cranectl.support import Array, InputError
@@ -43,17 +43,17 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
     title = f"{PLANTS.entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
     words = [f"0x{word:x}," for word in memory.words]
     rows = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
-    air = [f"values[{len(inputs) - len(AXES) + k}]" for k in range(len(AXES))]  # the last inputs
+    air = [f"values[{len(inputs) - 3 + k}]" for k in range(3)]  # the last inputs
     values = {
         "TITLE": title,
         "STATE": len(inputs),
-        "LOAD": len(inputs) + len(STATE),
+        "LOAD": len(inputs) + len(SignalGroup.STATE),
         "TENSION": TENSION,
         "MEASURE": MEASURE,
         "ADVANCE": ADVANCE,
         "SLACK": float(RunStatus.SLACK_ROPE),
         "NON_FINITE": float(RunStatus.NON_FINITE),
-        "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * len(AXES)),
+        "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * 3),
         "WORDS": "".join(f"    {row}\n" for row in rows),
         "ADDRESSES": ", ".join(map(str, memory.addresses)),
         "EXPRESSIONS": "".join(
@@ -74,15 +74,15 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
 def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]:
     """Return the inputs: commands, disturbances, forces on the load, and the velocity of the air."""
     first, wind = commands_at_start(scenario, start, drive), scenario.effects.wind
-    signals = command_group(DRIVES[drive].command).signals
+    signals = SignalGroup.command(DRIVES[drive].command).signals
     commands = zip(DRIVEN, signals, first.tolist(), strict=False)
     return [
         *(FmuVariable.of_signal(f"command.{axis}", "input", *command) for axis, *command in commands),
-        *_all("input", DISTURBANCE),
-        *_all("input", LOAD_FORCE),
+        *_all("input", SignalGroup.DISTURBANCE),
+        *_all("input", SignalGroup.LOAD_FORCE),
         *(
             FmuVariable(f"wind.{axis}", "input", "m/s", f"velocity of the air along {axis}", mean)
-            for axis, mean in (zip(AXES, wind.mean, strict=True) if wind else ())
+            for axis, mean in (zip("xyz", wind.mean, strict=True) if wind else ())
         ),
     ]
 
@@ -92,7 +92,7 @@ def _outputs() -> list[FmuVariable]:
     slack = int(RunStatus.SLACK_ROPE)
     text = f"0, or {slack} if the rope was slack at a sample of the step, its end included"
     status = FmuVariable("status", "output", "1", text, discrete=True)
-    return [*_all("output", STATE), *_all("output", LOAD), status]
+    return [*_all("output", SignalGroup.STATE), *_all("output", SignalGroup.LOAD), status]
 
 
 def _all(causality: Causality, group: SignalGroup) -> list[FmuVariable]:

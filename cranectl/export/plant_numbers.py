@@ -16,7 +16,7 @@ from cranectl.export.description import FmuVariable
 from cranectl.export.traced import Traced
 from cranectl.plants import PLANTS, Drive, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, Scenario, Settings
-from cranectl.signals import STATE
+from cranectl.signals import SignalGroup
 from cranectl.support import Array, Block
 
 START = "start"  # prefix of the names of numbers of the state at the start
@@ -42,7 +42,7 @@ class PlantNumbers:
             *((f"effects.{name}", getattr(effects, name)) for name in effects.names),
         ]
         known = [variable for prefix, settings in groups for variable in _variables(prefix, settings)]
-        for signal, number in zip(STATE.signals, start.tolist(), strict=True):
+        for signal, number in zip(SignalGroup.STATE.signals, start.tolist(), strict=True):
             variable = FmuVariable.of_signal(f"{START}.{signal.name}", "parameter", signal, number)
             known.append(variable._replace(description=f"at the start: {signal.description}"))
         self.known = {variable.name: variable for variable in known}
@@ -64,7 +64,7 @@ class PlantNumbers:
     def memory(self, numbers: Mapping[str, float]) -> Memory:
         """Return the memory of the plant at the start, made with other numbers."""
         plant, start = self.plant(numbers), self.start.copy()
-        for k, name in enumerate(STATE.names):
+        for k, name in enumerate(SignalGroup.STATE.names):
             start[k] = numbers.get(f"{START}.{name}", start[k])
         plant.reset(start)
         words: list[int] = []
@@ -92,7 +92,7 @@ class PlantNumbers:
         found = {place: leaf for place, leaf in leaves_by_place.items() if isinstance(leaf, Traced)}
         state = next(place for place, leaf in leaves_by_place.items() if leaf is handle.state)
         first = self.memory({}).words[state]
-        for k, name in enumerate(STATE.names):
+        for k, name in enumerate(SignalGroup.STATE.names):
             number = numbers.get(f"{START}.{name}")
             if number is not None:  # a number that is 0 is false
                 found[first + k] = number

@@ -48,7 +48,7 @@ def readings_of(run: Run) -> Array:
     """Return the readings (N, 5) of the encoders in a run with them."""
     sensing, setting = run.scenario.effects.sensing, run.scenario.effects.installation
     assert sensing is not None
-    readings = run.block("state")[:, ::2].copy()
+    readings = run.state.joints.copy()
     readings[:, ROPE // 2] += setting.rope_offset if setting else 0.0
     encoders = make_encoders(sensing, run.scenario.steps + 1)
     for k, row in enumerate(readings):

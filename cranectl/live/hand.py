@@ -21,7 +21,7 @@ from cranectl.reference import (
     rest_state,
 )
 from cranectl.scenario import NANOSECONDS, Disturbance, Driven, Hold, ReferenceSettings, Scenario
-from cranectl.support import Array, InputError, parse_json, printable
+from cranectl.support import JSON, Array, InputError, printable
 
 VELOCITY_TIMEOUT = 0.3  # [s] without a message after which the requested velocity becomes zero
 COMMAND_DIGITS = 5  # recorded digits of requests, as many as a joystick resolves
@@ -177,7 +177,7 @@ class LatestRequest:
 
     def receive_velocity(self, message: bytes, limits: HandLimits) -> None:
         """Store the velocity `linear` of a Twist message; raise InputError if it exceeds the limits."""
-        content = parse_json(message, "the message")
+        content = JSON.parse(message, "the message")
         linear = content.get("linear") if isinstance(content, dict) else None
         command = HandRequest(False, *_checked_vector("linear.", linear, -limits.speed, limits.speed))
         with self._lock:
@@ -185,7 +185,7 @@ class LatestRequest:
 
     def receive_point(self, message: bytes, limits: HandLimits) -> None:
         """Store a point {x, y, z} to drive to; raise InputError if it is outside the limits."""
-        point = _checked_vector("", parse_json(message, "the request"), limits.low, limits.high)
+        point = _checked_vector("", JSON.parse(message, "the request"), limits.low, limits.high)
         with self._lock:
             self._newest, self._returned = HandRequest(True, *point), None
 

@@ -33,15 +33,7 @@ from cranectl.log import (
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import (
-    Interruption,
-    LogError,
-    check_replaceable,
-    replacing,
-    toml_text,
-    write_text,
-    writing,
-)
+from cranectl.support import TOML, File, Interruption, LogError
 
 REMEDY = "choose another place with --record"
 LOCK = ".lock"
@@ -56,8 +48,8 @@ def reserve_recording(path: Path, *, numbered: bool = False) -> Iterator[Path]:
     there. If `numbered`, it tries `FILE-2`, `FILE-3`, … instead until one is free. The operating system
     releases the lock if the process ends without doing so.
     """
-    with writing(path, remedy=REMEDY, error=LogError):
-        check_replaceable(path)
+    with File(path).writing(remedy=REMEDY, error=LogError):
+        File(path).check_replaceable()
         more = (path.with_stem(f"{path.stem}-{number}") for number in count(2)) if numbered else ()
         for path_tried in chain([path], more):
             lock = FileLock(path_tried.with_name(path_tried.name + LOCK))
@@ -137,7 +129,7 @@ class Recorder:
         check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
         path = self._path = next_file(self._first)
         try:
-            self._part = self._replacement.enter_context(replacing(path, keep_after=FAILURES))
+            self._part = self._replacement.enter_context(File(path).replacing(keep_after=FAILURES))
             metadata = file_metadata(runs, runs[0].scenario.log.every)
             for run in runs:
                 del metadata[f"run/{run.plant}"]  # known only at the end
@@ -172,7 +164,7 @@ class Recorder:
         try:
             with Interruption.delayed(), contextlib.suppress(_DiscardedError), self._replacement:
                 samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
-                text = "" if driven is None else toml_text(driven.model_dump(exclude_unset=True))
+                text = "" if driven is None else TOML.text(driven.model_dump(exclude_unset=True))
                 states = {run.plant: run.status if run.status.stopped else running for run in runs}
                 outcomes = [(r.plant, Outcome(states[r.plant], r.end_ns, samples[r.plant])) for r in runs]
                 with target:
@@ -182,6 +174,6 @@ class Recorder:
                 check_complete(part, sent.total())
                 self.files.append(path)
                 if text:
-                    write_text(path.with_suffix(f".{DRIVEN}"), text)
+                    File(path.with_suffix(f".{DRIVEN}")).write_text(text)
         except FAILURES as error:
             raise unfinished(path, self._part, error, remedy=REMEDY) from None

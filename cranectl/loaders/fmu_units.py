@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from cranectl.loaders.opening import ControllerFile
-from cranectl.signals import command_group
+from cranectl.signals import SignalGroup
 from cranectl.support import InputError
 
 # Exponents of kg, m and s in the units of signals; an angle counts as a number, as in SI.
@@ -67,7 +67,7 @@ class Conversion(NamedTuple):
         name = variable.name
         found = f"{self.file.reference}: {variable.causality} '{name}' is {what}; {signal} is in {unit}"
         for kind in ("acceleration", "velocity", "force") if signal.startswith("command.") else ():
-            if _plain(command_group(kind).signals[0].unit) == _plain(variable.unit or ""):
+            if _plain(SignalGroup.command(kind).signals[0].unit) == _plain(variable.unit or ""):
                 return InputError(
                     found,
                     allowed=f"{unit}, or a table beside the FMU that says what it commands",

@@ -12,17 +12,17 @@ from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
 from cranectl.scenario import Settings
-from cranectl.signals import MEASUREMENT, REFERENCE, STATE, Signal, command_group
-from cranectl.support import InputError, parse_toml
+from cranectl.signals import Signal, SignalGroup
+from cranectl.support import TOML, InputError
 
-ENCODERS = {f"encoders.{name}": k for k, name in enumerate(STATE.names[::2])}
-STATES = {f"state.{name}": k for k, name in enumerate(STATE.names)}
-STATES |= {f"measurement.{name}": k for k, name in enumerate(MEASUREMENT.names)}
-REFERENCES = {f"reference.{name}": MEASURED + k for k, name in enumerate(REFERENCE.names)}
+ENCODERS = {f"encoders.{name}": k for k, name in enumerate(SignalGroup.STATE.names[::2])}
+STATES = {f"state.{name}": k for k, name in enumerate(SignalGroup.STATE.names)}
+STATES |= {f"measurement.{name}": k for k, name in enumerate(SignalGroup.MEASUREMENT.names)}
+REFERENCES = {f"reference.{name}": MEASURED + k for k, name in enumerate(SignalGroup.REFERENCE.names)}
 COMMANDS = ("command.bridge", "command.trolley", "command.rope")
-UNITS = {f"{group}.{signal.name}": signal.unit for group, signals in (
-    ("encoders", STATE), ("state", STATE), ("measurement", MEASUREMENT), ("reference", REFERENCE)
-) for signal in signals.signals}  # fmt: skip
+_GROUPS = {"encoders": SignalGroup.STATE, "state": SignalGroup.STATE}
+_GROUPS |= {"measurement": SignalGroup.MEASUREMENT, "reference": SignalGroup.REFERENCE}
+UNITS = {f"{name}.{signal.name}": signal.unit for name, group in _GROUPS.items() for signal in group.signals}
 MAX_REFERENCE = 2**32 - 1
 HOLD = "held"  # marks an axis that no output commands
 OUR_NAMES = re.compile(r"(encoders|state|measurement|reference)\b")
@@ -71,7 +71,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     """
     declared = description.modelVariables
     source = str(file.path.with_suffix(".toml"))
-    table = FmuTable.from_table(parse_toml(file.table.decode("utf-8", "replace"), source), source)
+    table = FmuTable.from_table(TOML.parse(file.table.decode("utf-8", "replace"), source), source)
     all_inputs, all_outputs = (
         [variable for variable in declared if variable.causality == cause] for cause in ("input", "output")
     )
@@ -99,7 +99,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     definitions = {unit.name: unit for unit in description.unitDefinitions}
     conversion = Conversion(file, source, definitions, table.units)
     conversion.check_stated([*inputs, *commanding])
-    drives = zip(COMMANDS, command_group(table.command).signals, strict=False)
+    drives = zip(COMMANDS, SignalGroup.command(table.command).signals, strict=False)
     in_si = UNITS | {command: drive.unit for command, drive in drives}
     exchanged = [
         *((variable, signals[variable.name]) for variable in inputs),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
 from cranectl.design import Origin
-from cranectl.support import Arguments, InputError, Provenance, open_input, replacing
+from cranectl.support import Arguments, File, InputError, Provenance
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
@@ -134,7 +134,7 @@ def complete_copy_of(file: ControllerFile) -> Path:
 
 def _put(path: Path, content: bytes) -> None:
     """Write an executable file; other processes may write the same file at the same time."""
-    with replacing(path) as part:
+    with File(path).replacing() as part:
         part.write_bytes(content)
         part.chmod(0o700)
 
@@ -182,7 +182,7 @@ def open_controller(reference: str) -> str:
         )
     beside = path.with_suffix(".toml")
     try:
-        with open_input(path) as stream:
+        with File(path).open() as stream:
             content = stream.read()
         table = beside.read_bytes() if path.suffix == ".fmu" and beside.is_file() else b""
     except OSError as error:

@@ -30,7 +30,7 @@ from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
-from cranectl.support import Array, InputError, Parent, Program, SafePath, in_background, parse_toml
+from cranectl.support import TOML, Array, InputError, Parent, Program, SafePath, in_background
 
 ANSWER_TIMEOUT = 600.0  # [s] for an answer in lock step, if the run has no shorter time limit
 START_TIMEOUT = 3600.0  # [s] for the first answer of a run, because a program may import and compile
@@ -72,7 +72,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller that a TOML file or a UDP address describes; raise InputError."""
     table = {"address": file.reference}
     if not file.reference.startswith(UDP):
-        table = parse_toml(file.content.decode("utf-8", "replace"), str(file.path))
+        table = TOML.parse(file.content.decode("utf-8", "replace"), str(file.path))
     settings = ProcessSettings.from_table(table, file.reference)
     if not file.companions:  # a worker process already has these files
         file = _with_named_files(settings, file)

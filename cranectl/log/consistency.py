@@ -16,7 +16,7 @@ from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import ALPHA, BETA, LOAD, LOAD_FORCE, REFERENCE, ROPE, TENSION, Z
+from cranectl.signals import ALPHA, BETA, ROPE, TENSION, SignalGroup, Z
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import Array
@@ -137,7 +137,7 @@ def check_run(run: Run, sampling: Sampling) -> None:
         check_numbers(topic, group.names, run.block(group.name)[:finite])
     if not run.has_reference:
         return
-    check_numbers(topics.REFERENCE_LOAD, REFERENCE.names, run.reference)
+    check_numbers(topics.REFERENCE_LOAD, SignalGroup.REFERENCE.names, run.reference)
     _check_reference(run, finite, planned=sampling.from_ns is None)
     is_ours = run.plant in PLANTS and PLANTS[run.plant].is_own
     if is_ours and outcome.status in WITH_LAST_SAMPLE and finite >= MIN_MEAN_SAMPLES:
@@ -203,9 +203,9 @@ def _check_tension(run: Run, finite: int) -> None:
     time = run.time_ns[:finite] / NANOSECONDS
     load, state = run.block("load")[:finite], run.block("state")[:finite]
     lift = load[:, TENSION] * np.cos(state[:, ALPHA]) * np.cos(state[:, BETA])
-    if LOAD_FORCE in run.groups:
-        lift = lift + run.block(LOAD_FORCE.name)[:finite, Z]
-    rise = np.diff(load[[0, -1], LOAD.names.index("load_z_dot")])[0] / (time[-1] - time[0])
+    if SignalGroup.LOAD_FORCE in run.groups:
+        lift = lift + run.block(SignalGroup.LOAD_FORCE.name)[:finite, Z]
+    rise = np.diff(load[[0, -1], SignalGroup.LOAD.names.index("load_z_dot")])[0] / (time[-1] - time[0])
     mass = rig.hanging_mass(run.scenario.effects)
     needed = mass * (rig.gravity + rise)
     pushed = np.abs(run.block("disturbance")[:finite]).sum(axis=1) * state[:, ROPE]

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
-from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.signals import State
 from cranectl.simulate import Run, disturbances_at
 from cranectl.status import RunStatus
-from cranectl.support import Array, quantity
+from cranectl.support import Array, Quantity
 
 DIGEST_DIGITS = 12  # of the digest of a file
 
@@ -167,7 +167,7 @@ def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditi
     observed: list[Event] = []
     outside, limited = workspace_excess(run) > 0.0, saturation(run)
     slack = run.tension <= 0.0 if run.has_tension else np.zeros(len(run.time_ns), dtype=np.bool_)
-    for name, axis, was in zip(WORKSPACE_SIGNALS, outside.T, before.outside, strict=True):
+    for name, axis, was in zip(State.AXIS_NAMES, outside.T, before.outside, strict=True):
         texts = f"{name} leaves the workspace", f"{name} is back in the workspace"
         observed += _changes(run, axis, was, *texts)
     for bit, drive in enumerate(("bridge", "trolley", "rope")):
@@ -210,7 +210,7 @@ def _file_of(spline: Spline) -> str:
     file = f"{spline.made_from.get('kind')} from {source.file} (SHA-256 {digest}, {where})"
     if fit is None:
         return f"{file}: {len(spline.breaks)} points"
-    left_out, residual = (quantity(error, "m") for error in (fit.left_out_error, fit.residual))
+    left_out, residual = (Quantity(error, "m").text() for error in (fit.left_out_error, fit.residual))
     return (
         f"{file}: {fit.samples} samples, {fit.spans} spans; samples left out are {left_out} rms from it, all "
         f"others {residual}; z'''' up to {fit.peak_d4:.3g} ± {fit.band_d4:.2g} m/s⁴"

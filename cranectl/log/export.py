@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import REFERENCE, Signal
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Array, Extensions, FileKind, InputError, Mask, replacing, writing
+from cranectl.support import Array, Extensions, File, FileKind, InputError, Mask
 
 # Replaces the header of SciPy, which has the date, so that the same run gives the same bytes. The format
 # requires 116 bytes.
@@ -121,7 +121,7 @@ def choose_exporter(name: str | None, out: Path | None) -> Exporter:
 
 def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
     """Write `table` to `path` in one atomic step; raise InputError if that fails."""
-    with writing(path, remedy="choose another place with --out"), replacing(path) as part:
+    with File(path).writing(remedy="choose another place with --out"), File(path).replacing() as part:
         exporter.write(table, part)
 
 
@@ -144,7 +144,7 @@ def _reference(prefix: str, runs: Sequence[Run], time_ns: NDArray[np.int64]) -> 
     # A log may lack the reference of the last sample of a run that stopped early, which is read as NaN.
     known = np.flatnonzero(~np.isnan(values).any(axis=1))
     rows, first = np.unique(np.searchsorted(time_ns, times[known]), return_index=True)
-    for signal, column in zip(REFERENCE.signals, values[known[first]].T, strict=True):
+    for signal, column in zip(SignalGroup.REFERENCE.signals, values[known[first]].T, strict=True):
         yield _column(prefix, signal, len(time_ns), rows, column)
 
 

@@ -18,10 +18,10 @@ from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, ch
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
-from cranectl.signals import REFERENCE, Signal, SignalGroup
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, checked_drive, groups_of
 from cranectl.status import RunStatus
-from cranectl.support import InputError, LogError, Provenance, leaves, parse_json
+from cranectl.support import JSON, InputError, LogError, Provenance, Tree
 
 FORMAT, WITHOUT_REFERENCE = "2", "3"  # written for runs with a reference, and for runs without
 FORMATS = (FORMAT, WITHOUT_REFERENCE)  # that can be read
@@ -78,7 +78,9 @@ class LogHeader(Sampling):
     def groups(self) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of all plants and the reference, by topic."""
         groups = {topic: group for plant in self.plants for topic, group in self.groups_of(plant).items()}
-        return groups if self.own_groups is not None else {**groups, self.reference_topic: REFERENCE}
+        return (
+            groups if self.own_groups is not None else {**groups, self.reference_topic: SignalGroup.REFERENCE}
+        )
 
 
 def parse_header(
@@ -185,7 +187,7 @@ def _count(text: str, *, least: int = 0) -> int:
 def _json(attachments: Mapping[str, bytes], name: str) -> dict[str, Any]:
     if name not in attachments:
         raise UnsupportedError(f"'{name}' is missing, as in filtered logs", FILTERED)
-    data = parse_json(attachments[name], name)
+    data = JSON.parse(attachments[name], name)
     if not isinstance(data, dict):
         raise TypeError(f"{name} is not a table")
     return data
@@ -196,7 +198,7 @@ def _design(data: dict[str, Any]) -> ControllerDesign:
     design = ControllerDesign.from_json(data)
     if design.axis_design is None:
         return design
-    for name, value in leaves(data):
+    for name, value in Tree(data).leaves():
         is_number = type(value) in (int, float) and not math.isnan(value)
         if not (value is None or name == "name" or is_number):
             raise TypeError(f"design.json holds {value!r} where a number belongs")
@@ -271,7 +273,7 @@ def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive)
             )
     for name, text in _documents(scenario, design).items():
         try:
-            parse_json(text, name)
+            JSON.parse(text, name)
         except InputError as error:
             raise InputError(
                 f"the run of {scenario.name} with {design.name} cannot be logged: {error.found}",

@@ -14,9 +14,9 @@ from cranectl.log import topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams, timestamp_of
 from cranectl.log.topics import Stream
-from cranectl.signals import REFERENCE, SignalGroup
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import PROCESSOR_ROUNDING, Provenance, difference_text
+from cranectl.support import Provenance, Quantity
 
 MIN_DISTANCE = 1e-14  # [m, rad] least logged distance: the size of rounding, so that logarithms exist
 
@@ -47,7 +47,7 @@ def samples(runs: Sequence[Run]) -> list[Stream]:
     if runs[0].has_reference:
         time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
         reference = np.concatenate([run.reference for run in runs])[rows]
-        result.append(signals(topics.REFERENCE_LOAD, REFERENCE, time_ns, reference))
+        result.append(signals(topics.REFERENCE_LOAD, SignalGroup.REFERENCE, time_ns, reference))
     return result + [stream for run in runs for stream in recorded(run)]
 
 
@@ -103,8 +103,9 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
         "angles": _with_limit(agreement.max_angle_error_rad, agreement.limit_rad, "rad", agreement.limits),
     }
     for row in comparison.signals:
-        text = f"at most {difference_text(row.max_abs)} {row.unit}, RMS {difference_text(row.rms)}"
-        text += "" if row.max_abs < PROCESSOR_ROUNDING else f", largest at {row.at_s:g} s"
+        largest, mean = (Quantity(value).si_difference() for value in (row.max_abs, row.rms))
+        text = f"at most {largest} {row.unit}, RMS {mean}"
+        text += "" if row.max_abs < Quantity.PROCESSOR_ROUNDING else f", largest at {row.at_s:g} s"
         values[row.signal.replace(".", "_")] = text
     return values
 
@@ -112,7 +113,7 @@ def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> di
 def _with_limit(largest: float, limit: float | None, unit: str, limits: str) -> str:
     """Return the largest distance with its limit, or with the reason why it has none."""
     limit_text = f"no limit: {limits}" if limit is None else f"limit {limit:g} {unit}"
-    return f"{difference_text(largest)} {unit}, {limit_text}"
+    return f"{Quantity(largest).si_difference()} {unit}, {limit_text}"
 
 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:

@@ -34,12 +34,12 @@ from cranectl.log.topics import Stream
 from cranectl.log.writer import check_writable, write_container
 from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
-from cranectl.signals import REFERENCE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import VIEWER_SERIES, InputError, LogError
+from cranectl.support import InputError, LogError, Palette
 
 STEP = "step"  # topic of the distance between a run and the one before it
-MAX_RUNS_SHOWN = len(VIEWER_SERIES)  # runs of an overlay: each needs its own colour
+MAX_RUNS_SHOWN = len(Palette.VIEWER.series)  # runs of an overlay: each needs its own colour
 MAX_LABEL = 40  # characters of a label
 LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
 
@@ -182,13 +182,14 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
         yield from recorded(run)
         if run.has_reference:
             reference = topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE)
-            yield signals(reference, REFERENCE, run.time_ns, run.reference)
+            yield signals(reference, SignalGroup.REFERENCE, run.time_ns, run.reference)
     for before, run in pairwise(runs):
         for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
             both = run.has("state", "load") and other.has("state", "load")
             if both and np.intersect1d(run.time_ns, other.time_ns).size:
                 yield distances(topics.plant_topic(run.plant, kind), run, other)
-    drawn = {colour: run for run, colour in zip(runs, VIEWER_SERIES, strict=False) if scene.can_be_drawn(run)}
+    coloured = zip(Palette.VIEWER.series, runs, strict=False)
+    drawn = {colour: run for colour, run in coloured if scene.can_be_drawn(run)}
     if not drawn:
         return
     longest, solid = max(drawn.values(), key=lambda run: run.end_ns), next(iter(drawn.values()))

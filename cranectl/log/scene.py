@@ -21,7 +21,7 @@ from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Drawing, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
 from cranectl.simulate import Run, disturbances_at
-from cranectl.support import SLACK_ROPE, VIEWER, Array, rgb
+from cranectl.support import Array, Palette
 
 Rows = list[list[float]]
 IDENTITY = fg.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
@@ -125,7 +125,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
     from cranectl.plants import rig_solids  # here: reading a log does not need MuJoCo
 
     ghost = opacity < 1.0
-    tint = rgb(colour or VIEWER[PLANTS.entry(plant).colour]) if ghost else None
+    tint = Palette.VIEWER.rgb(colour or PLANTS.entry(plant).colour) if ghost else None
     inset = 2.0 * GHOST_INSET * Drawing(rig).scale if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
     for solid in rig_solids(rig):
@@ -151,7 +151,8 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     state, load = run.block("state")[rows], run.block("load")[rows]
     tension = load[:, TENSION] if run.has_tension else np.full(len(rows), run.scenario.rig.weight)
     slackness = np.clip((2.0 * NEARLY_SLACK - tension / run.scenario.rig.weight) / NEARLY_SLACK, 0.0, 1.0)
-    colours = np.outer(1.0 - slackness, rgb(VIEWER["rope"])) + np.outer(slackness, rgb(SLACK_ROPE))
+    taut, slack = (Palette.VIEWER.rgb(role) for role in ("rope", "slack-rope"))
+    colours = np.outer(1.0 - slackness, taut) + np.outer(slackness, slack)
     ends = np.column_stack([state[:, [BRIDGE, TROLLEY]], np.zeros(len(rows)), load[:, :3]]).tolist()
     times, shown = run.time_ns[rows].tolist(), []
     for time_ns, (*trolley, x, y, z), colour in zip(times, ends, colours.tolist(), strict=True):
@@ -179,7 +180,7 @@ def trail(
     `load` (N, 3) may begin before `time_ns` (M,): its first N - M rows precede the first message.
     """
     points = _points(load.tolist())
-    shade = rgb(colour or VIEWER[PLANTS.entry(plant).colour])
+    shade = Palette.VIEWER.rgb(colour or PLANTS.entry(plant).colour)
     width = TRAIL_WIDTH if opacity == 1.0 else GHOST_TRAIL_WIDTH
     fading = [_colour(shade, opacity * k / TRAIL_POINTS) for k in range(TRAIL_POINTS + 1)]
     shown = []
@@ -227,13 +228,13 @@ def _arrow(acceleration: Array, scale: float) -> fg.ArrowPrimitive:
         shaft_diameter=SHAFT * scale,
         head_length=0.25 * length,
         head_diameter=HEAD * scale,
-        color=_colour(rgb(VIEWER["disturbance"]), 0.95),
+        color=_colour(Palette.VIEWER.rgb("disturbance"), 0.95),
     )
 
 
 def path(run: Run) -> Stream:
     """Return the desired path, and a ball at the desired load that moves with the frame `reference`."""
-    shade, rig = rgb(VIEWER["reference"]), run.scenario.rig
+    shade, rig = Palette.VIEWER.rgb("reference"), run.scenario.rig
     points = _points(run.reference[rows_apart(run, trail_step(rig)), :3].tolist())
     line = _line(points, PATH_WIDTH, color=_colour(shade, 0.9))
     size = _vector([TARGET * Drawing(rig).scale] * 3)
@@ -247,7 +248,10 @@ def workspace(run: Run) -> Stream:
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
-    points, shade = _points(corners[k].tolist() for edge in edges for k in edge), rgb(VIEWER["reference"])
+    points, shade = (
+        _points(corners[k].tolist() for edge in edges for k in edge),
+        Palette.VIEWER.rgb("reference"),
+    )
     line = _line(points, 1.5, type=fg.LinePrimitiveLineType.LineList, color=_colour(shade, 0.5))
     entities, boxes = [_entity("world", "workspace", 0, lines=[line])], []
     for low, high in ((np.array(box.low), np.array(box.high)) for box in run.scenario.obstacles):

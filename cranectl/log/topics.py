@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from cranectl.log.events import StatusChange
 from cranectl.mcap_columns import row_layout, tag
-from cranectl.signals import LOAD, STATE, Signal, SignalGroup
+from cranectl.signals import Signal, SignalGroup
 
 SORTED_MESSAGES = 1000  # messages of the longest stream that are sorted at a time, which limits memory
 PACKAGE = "cranectl"
@@ -85,8 +85,8 @@ FORMER_NAMES = ("cable", "push")  # names of these two before 0.3
 
 # Groups whose differences from the reference plant are logged, sample by sample.
 DIFFERENCE_GROUPS = (
-    SignalGroup("state", "StateDifference", "reference plant minus another", STATE.signals),
-    SignalGroup("load", "LoadDifference", "reference plant minus another", LOAD.signals),
+    SignalGroup("state", "StateDifference", "reference plant minus another", SignalGroup.STATE.signals),
+    SignalGroup("load", "LoadDifference", "reference plant minus another", SignalGroup.LOAD.signals),
 )
 
 DIFFERENCES = "/diff/"

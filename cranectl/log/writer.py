@@ -25,7 +25,7 @@ from cranectl.log.messages import streams
 from cranectl.log.topics import Stream, in_order
 from cranectl.mcap_columns import DamageError, read_end
 from cranectl.simulate import Run
-from cranectl.support import Arguments, FileKind, InputError, Interruption, LogError, replacing
+from cranectl.support import Arguments, File, FileKind, InputError, Interruption, LogError
 
 Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario
@@ -108,7 +108,7 @@ def write_container(
     context = foxglove.Context()
     part = None
     try:
-        with Interruption.delayed(), replacing(path, keep_after=FAILURES) as part:
+        with Interruption.delayed(), File(path).replacing(keep_after=FAILURES) as part:
             with KeptError(part) as target, open_file(target, context, metadata, attachments):
                 count = _send_in_order(context, sent)
             check_complete(part, count)

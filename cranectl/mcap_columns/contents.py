@@ -36,7 +36,7 @@ from cranectl.mcap_columns.records import (
     section_crc,
     split_records,
 )
-from cranectl.support import LogError, open_input
+from cranectl.support import File, LogError
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB
 MAX_EXPANSION = 100  # size of all unpacked chunks over the size of the file; logs of a crane at rest reach 5
@@ -191,7 +191,7 @@ def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
     """Open the file at `path`; turn each error of reading it into a LogError with a remedy."""
     with contextlib.ExitStack() as stack:
         try:
-            stream = stack.enter_context(open_input(Path(path), buffering=BUFFER))
+            stream = stack.enter_context(File(Path(path)).open(buffering=BUFFER))
         except (OSError, ValueError) as error:  # ValueError: a null character in the name
             raise _unreadable(path, error) from None
         try:

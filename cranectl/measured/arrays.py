@@ -7,17 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from cranectl.support import (
-    MAX_COLUMN_LENGTH,
-    MAX_EXACT_INTEGER,
-    READABLE,
-    TICK_SECONDS,
-    Array,
-    InputError,
-    ReadColumn,
-    TableHead,
-    not_numbers,
-)
+from cranectl.support import InputError, ReadColumn, TableHead
 
 DEEPEST = 4  # level of fields in structures and messages that is read
 MAX_COLUMNS = 10_000  # of an array; more are pictures
@@ -43,7 +33,7 @@ class ArrayColumns:
         """Add the columns of an array of numbers that `read` returns; `kind` is that of its NumPy type."""
         sizes = [size for size in shape if size != 1]
         is_table = kind in "fiub" and len(sizes) in (1, 2) and all(sizes)
-        if not is_table or max(sizes) > MAX_COLUMN_LENGTH:
+        if not is_table or max(sizes) > ReadColumn.MAX_LENGTH:
             if prod(shape) > 1:
                 size = " × ".join(map(str, shape))
                 self.leave_out(name, f"{'numbers' if kind in 'fiub' else 'other values'}, {size}")
@@ -100,7 +90,9 @@ class ArrayColumns:
         if not names:
             held = f"; it has {', '.join(self._left_out)}" if self._left_out else ""
             raise InputError(
-                f"{self._where} has no columns of numbers{held}", allowed=READABLE, remedy="save it as CSV"
+                f"{self._where} has no columns of numbers{held}",
+                allowed=TableHead.READABLE,
+                remedy="save it as CSV",
             )
         return TableHead(self._where, names, self._load, left_out=tuple(self._left_out))
 
@@ -109,20 +101,7 @@ class ArrayColumns:
         array, k, is_row = self._columns[name]
         values = self._read(array)
         values = values if values.ndim < 2 else values[k] if is_row else values[:, k]
-        return ReadColumn(_as_floats(values, name, self._where, is_clock=is_clock))
-
-
-def _as_floats(values: Any, name: str, where: str, *, is_clock: bool) -> Array:
-    """Return numbers as floats (N,); raise InputError for whole numbers that a float would round."""
-    if values.dtype.kind not in "fiub":
-        raise not_numbers(where, name, "complex numbers" if values.dtype.kind == "c" else "no numbers")
-    floats: Array = values.astype(np.float64)
-    if values.dtype.kind in "iu" and np.abs(floats).max(initial=0.0) > MAX_EXACT_INTEGER:
-        if not is_clock:
-            raise not_numbers(where, name, f"whole numbers above {MAX_EXACT_INTEGER}, which a float rounds")
-        after: Array = (values - values[0]).astype(np.int64).astype(np.float64)  # unsigned differences wrap
-        return after
-    return floats
+        return ReadColumn.of_array(values, name, self._where, is_clock=is_clock)
 
 
 def _fields(value: Any) -> dict[str, Any]:
@@ -149,4 +128,4 @@ def _elements(value: Any) -> Iterator[Any]:
 def _seconds(index: Any) -> Any:
     """Return the times of a timetable in seconds after the first."""
     times = index.to_numpy()
-    return (times - times[:1]).astype("timedelta64[ns]").astype(np.float64) * TICK_SECONDS["ns"]
+    return (times - times[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9

@@ -16,7 +16,7 @@ from cranectl.design import ControllerDesign
 from cranectl.measured.mapping import ANGLES, LOAD, POSITIONS, MeasuredMap
 from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import NANOSECONDS, MeasuredScenario, RigParameters, Scenario, longest_step
-from cranectl.signals import STATE, SignalGroup, measured_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import Array
@@ -29,7 +29,9 @@ LAB_STEP = 0.001  # [s] of physics on the laboratory rig
 RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
 RATE_ORDER = 3  # of the polynomials whose slopes are the rates
 MIN_RATE_SAMPLES = 5
-RATES = dict(zip(STATE.names[::2], STATE.names[1::2], strict=True)) | {name: f"{name}_dot" for name in LOAD}
+RATES = dict(zip(SignalGroup.STATE.names[::2], SignalGroup.STATE.names[1::2], strict=True)) | {
+    name: f"{name}_dot" for name in LOAD
+}
 DRIVES: dict[str | None, Drive] = {
     None: "ideal",
     "acceleration": "ideal",
@@ -54,7 +56,7 @@ def empty_table(mapping: MeasuredMap, rows: int) -> tuple[Array, dict[str, Array
     """Return a table for all signals of the run, its columns (views) by name, and their groups."""
     declared = mapping.signals.declared
     has_angles, has_load = ANGLES[0] in declared, LOAD[0] in declared
-    groups = measured_groups(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
+    groups = SignalGroup.measured(mapping.commands or "", angles=has_angles, load=has_angles or has_load)
     names = [name for group in groups for name in group.names]
     table = np.empty((rows, len(names)), order="F")  # signals are computed one after the other
     return table, dict(zip(names, table.T, strict=True)), groups

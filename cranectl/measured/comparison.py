@@ -8,11 +8,11 @@ import numpy as np
 from cranectl.measured.assembly import load_of
 from cranectl.measured.experiment import ANGLE_SCALE, CHANNELS, Experiment, rig_with
 from cranectl.measured.replay import Replay, simulate_replay
-from cranectl.signals import LOAD, RESIDUAL, STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError
 
-PREDICTED = (STATE, LOAD)  # groups that a predicted run keeps
+PREDICTED = (SignalGroup.STATE, SignalGroup.LOAD)  # groups that a predicted run keeps
 IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])
 
 
@@ -54,7 +54,7 @@ def _with_residual(predicted: Run, measured: Run) -> Run:
         drive=measured.drive,
         table=np.hstack([*(predicted.block(group.name) for group in PREDICTED), joints, load]),
         reference=np.zeros((rows, 0)),
-        own_groups=(*PREDICTED, RESIDUAL),
+        own_groups=(*PREDICTED, SignalGroup.RESIDUAL),
     )
 
 

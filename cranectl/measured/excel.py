@@ -10,18 +10,7 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from cranectl.support import (
-    READABLE,
-    Header,
-    InputError,
-    ReadColumn,
-    TableHead,
-    check_rows,
-    find_header,
-    is_stamp,
-    not_numbers,
-    seconds_of_stamps,
-)
+from cranectl.support import Header, InputError, ReadColumn, TableHead
 
 HEAD_ROWS = 1000  # in which the names are looked for
 MAX_SHEET_COLUMNS = 16_384  # of Excel
@@ -54,7 +43,7 @@ def read_excel(path: Path, where: str) -> TableHead:
     left_out = []
     for sheet in book.worksheets:
         rows = [[_text(cell) for cell in row] for row in islice(_rows(sheet), HEAD_ROWS)]
-        if header := find_header([row if any(row) else None for row in map(_trimmed, rows)]):
+        if header := Header.find([row if any(row) else None for row in map(_trimmed, rows)]):
             headers[sheet.title] = header
         else:
             left_out.append(f"sheet {sheet.title} (no rows of numbers)")
@@ -69,7 +58,9 @@ def read_excel(path: Path, where: str) -> TableHead:
             places.append((title, k))
     if not names:
         held = f"; it has {', '.join(left_out)}" if left_out else ""
-        raise InputError(f"{where} has no rows of numbers{held}", allowed=READABLE, remedy="save it as CSV")
+        raise InputError(
+            f"{where} has no rows of numbers{held}", allowed=TableHead.READABLE, remedy="save it as CSV"
+        )
     sheet_columns = lru_cache(maxsize=1)(lambda title: _columns(book[title], headers[title], where))
 
     def load(column: int, _: bool) -> ReadColumn:
@@ -87,7 +78,7 @@ def check_archive(path: Path, where: str) -> None:
     except (BadZipFile, ValueError, NotImplementedError) as error:
         raise InputError(
             f"{where} begins as a zip archive or Excel workbook, but is damaged: {error}",
-            allowed=READABLE,
+            allowed=TableHead.READABLE,
             remedy="save the workbook again, or copy the file again",
         ) from None
     if WORKBOOK in members:
@@ -98,7 +89,7 @@ def check_archive(path: Path, where: str) -> None:
     shown = (", ".join(members[:3]) or "nothing") + (", …" if len(members) > 3 else "")
     raise InputError(
         f"{where} is {kinds[0] if kinds else f'a zip archive with {shown}'}",
-        allowed=READABLE,
+        allowed=TableHead.READABLE,
         remedy="save it as CSV" if kinds else "unpack it, and name the file in it",
     )
 
@@ -140,7 +131,7 @@ def _columns(sheet: Any, header: Header, where: str) -> list[_Column]:
             if isinstance(value, str):
                 texts[k].append(value)
         if not number % HEAD_ROWS:
-            check_rows(number, where)
+            ReadColumn.check_length(number, where)
     return [_Column(*column) for column in zip(map(np.array, numbers), texts, times, strict=True)]
 
 
@@ -162,12 +153,10 @@ def _as_numbers(column: _Column, name: str, where: str) -> ReadColumn:
     import pyarrow as pa
 
     values, texts = column.values, column.texts
+    if texts and len(texts) == len(values):
+        return ReadColumn.of_arrow(pa.chunked_array([pa.array(texts)]), name, where)
     if texts:
-        if len(texts) == len(values) and is_stamp(texts[0]):
-            seconds = seconds_of_stamps(pa.chunked_array([pa.array(texts)]))
-            if seconds is not None:
-                return ReadColumn(seconds, is_time=True)
-        raise not_numbers(where, name, f"the text '{texts[0][:40]}'")
+        raise ReadColumn.not_numbers(where, name, f"the text '{texts[0][:40]}'")
     if column.is_time:
         known = values[np.isfinite(values)]
         return ReadColumn(values - known[:1] if len(known) else values, is_time=True)

@@ -18,7 +18,7 @@ from cranectl.measured.replay import (
 )
 from cranectl.measured.responses import white_noise
 from cranectl.scenario import NANOSECONDS, RigParameters
-from cranectl.signals import STATE
+from cranectl.signals import ROPE, State
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask
 
@@ -122,25 +122,24 @@ class Experiment:
         self.run, self.rig, self.replay = run, rig, replay
         self.rows = np.arange(0, len(run.time_ns), max(len(run.time_ns) // max_readings, 1))
         self.period = run.scenario.period_ns / NANOSECONDS
-        state = run.block("state")
-        self.readings = state[:, 0::2]
-        self.commands = measured_motion(run) if replay == "motion" else run.block("command")[:, :3]
+        start, self.readings = run.state.values[0], run.state.joints
+        self.commands = measured_motion(run) if replay == "motion" else run.commands
         self.noise = reading_noise(rig)
         self.still_noise = self._still_noise()
-        self.frequency = sqrt(rig.gravity / float(state[0, 4]))
+        self.frequency = sqrt(rig.gravity / float(start[ROPE]))
         self.swings = len(run.time_ns) * self.period * self.frequency / (2.0 * pi)  # in the run
         self.motion = self._first_motion()  # of axes that move at the start, in words
         self.at_rest = not self.motion
         shortest = 2.0 * pi * sqrt(max(float(self.readings[:, 2].min()), rig.rope_range[0]) / rig.gravity)
         self.samples_in_swing = shortest / self.period
         self.block = max(int(self.samples_in_swing / BLOCKS_IN_SWING), 1)
-        self.start = state[0].copy()
+        self.start = start.copy()
         if self.at_rest:
-            self.start[1::2] = 0.0
+            State(self.start).joint_rates[:] = 0.0
         self.channels = slice(3, 5) if replay == "motion" else slice(0, 5)
         self.compared = 2 if replay == "motion" else 5
         noise = 10.0 * self.noise
-        angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(state[0, 4])))
+        angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(start[ROPE])))
         swing_scale = [angles[0], angles[0] * self.frequency, angles[1], angles[1] * self.frequency]
         self.own_scale = np.array([*noise[self.channels], *swing_scale])
 
@@ -169,8 +168,9 @@ class Experiment:
         start: Array = self.start.copy()
         if self.at_rest:
             still = self.still_samples()
-            start[:6:2] = self.readings[:still, :3].mean(axis=0)
-            start[6:] = self.run.block("state")[0, 6:] if self._first_swing(still) >= REST_SWING else 0.0
+            first = State(start)
+            first.axes[:] = self.readings[:still, :3].mean(axis=0)
+            first.swing[:] = self.run.state.swing[0] if self._first_swing(still) >= REST_SWING else 0.0
         return start
 
     def resting_commands(self) -> Array:
@@ -179,7 +179,7 @@ class Experiment:
         if self.at_rest and self.replay == "motion":
             commands = commands.copy()
             still = max(self.still_samples() - rate_samples(self.period) // 2, 1)
-            commands[:still] = [*self.resting_start()[:6:2], *np.zeros(6)]
+            commands[:still] = [*State(self.resting_start()).axes, *np.zeros(6)]
         return commands
 
     def _first_motion(self) -> str:
@@ -236,17 +236,18 @@ class Experiment:
         zeros = np.zeros(5)
         zeros[self.channels] = own[: self.compared]
         start = self.start.copy()
-        start[0:6:2] += zeros[:3]
-        start[4] -= offset
-        start[6::2] = 0.0 if self.at_rest else start[6::2] - zeros[3:]
-        start[6:10] += own[self.compared :]
+        first = State(start)
+        first.axes[:] += zeros[:3]
+        start[ROPE] -= offset
+        first.angles[:] = 0.0 if self.at_rest else first.angles - zeros[3:]
+        first.swing[:] += own[self.compared :]
         commands = self.commands
         late = 0.0  # by which the plant's clock is behind that of the run, less than a period
         if self.replay != "motion":
             whole, late = divmod(rig.effects.delay.seconds, self.period)
             arrived = commands[(np.arange(len(commands)) - int(whole)).clip(0, len(commands) - 1)]
             commands = arrived * np.array(rig.effects.installation.drive_gain)
-            start[0::2] += late * start[1::2]
+            first.joints[:] += late * first.joint_rates
         else:
             commands = commands.copy()
             commands[:, 2] -= offset
@@ -256,7 +257,7 @@ class Experiment:
             self.run, MODEL, self.replay, scenario=scenario, commands=commands, initial=start
         )
         readings = np.full((len(self.run.time_ns), len(CHANNELS)), np.nan)
-        state = simulated.block(STATE.name)
+        state = simulated.state.values
         readings[: len(state)] = positions_before(state, late, self.period)
         readings[:, 2] += offset
         if ANGLE_DELAY in values:

@@ -14,7 +14,7 @@ from cranectl.measured.replay import Replay
 from cranectl.measured.uncertainty import Errors, root_of
 from cranectl.scenario import RigParameters, load_rig
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, parse_json
+from cranectl.support import JSON, Array, InputError
 
 FIT_ENDING = "-fit.json"
 
@@ -65,7 +65,7 @@ def read_fit(rig: Path) -> Fit:
     """Return the identification of the rig in the file `rig`; raise InputError if there is none."""
     path = fit_path(rig)
     try:
-        kept = parse_json(path.read_text(encoding="utf-8"), str(path))
+        kept = JSON.parse(path.read_text(encoding="utf-8"), str(path))
         values = dict(kept["values"])
         known, spread = (np.array(kept[name], dtype=np.float64) for name in ("known", "spread"))
         if not known.shape == spread.shape == (len(values),) * 2:

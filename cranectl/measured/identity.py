@@ -78,7 +78,7 @@ class Overlap(NamedTuple):
 
 def trace_of(run: Run) -> Trace:
     """Return the readings of a measured run."""
-    values = run.block("state")[:, 0::2]
+    values = run.state.joints
     period = float(run.time_ns[1] - run.time_ns[0]) / NANOSECONDS if len(run.time_ns) > 1 else 1.0
     rope = max(float(np.median(np.abs(values[:, 2]))), GRAIN)
     half_swing = pi * sqrt(rope / run.scenario.rig.gravity)

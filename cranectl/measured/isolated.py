@@ -11,16 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from cranectl.support import (
-    Child,
-    InputError,
-    MachineError,
-    Parent,
-    ReadColumn,
-    TableHead,
-    format_of,
-    reported,
-)
+from cranectl.support import Child, FileKind, InputError, MachineError, Parent, ReadColumn, TableHead
 
 SMALL_FILE = 2**26  # [bytes] up to which the next two limits hold; those of larger files grow in proportion
 MAX_READER_BYTES = 2**30  # [bytes] of the process
@@ -52,7 +43,7 @@ class _Process:
         self._where = where
         self._memory, self._seconds = int(share * MAX_READER_BYTES), int(share * MAX_PROCESSOR_TIME)
         with path.open("rb") as stream:
-            kind = format_of(stream.read(16)) or "a MATLAB file of version 4"
+            kind = FileKind.named(stream.read(16)) or "a MATLAB file of version 4"
         self._child = Child.spawn(_serve, where, kind, tuple(libraries), (self._memory, self._seconds))
         weakref.finalize(self, self._child.end)
 
@@ -112,7 +103,7 @@ class _Answers:
     def __call__(self, reader: Reader | None, *inputs: Any) -> Any:
         """Return what the file holds if there is a `reader`, else a column; or what was refused."""
         try:
-            with reported(self._where, self._kind):
+            with TableHead.reading(self._where, self._kind):
                 if reader is None:
                     assert self._head is not None
                     return self._head.read(inputs[0], is_clock=inputs[1])

@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 
 from cranectl.reference import SI_FACTORS
 from cranectl.scenario import Duration, RuleError, Settings
-from cranectl.support import read_toml
+from cranectl.support import TOML
 
 POSITIONS = ("bridge_position", "trolley_position", "rope_length")
 ANGLES = ("alpha", "beta")
@@ -240,4 +240,4 @@ class MeasuredMap(Settings):
 
 def read_map(path: Path) -> MeasuredMap:
     """Read the map of measured files; raise InputError with what is wrong in it."""
-    return MeasuredMap.from_table(read_toml(path), str(path))
+    return MeasuredMap.from_table(TOML.read(path), str(path))

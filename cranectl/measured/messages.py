@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.measured.arrays import DEEPEST, MAX_LEFT_OUT
-from cranectl.support import TICK_SECONDS, Array, TableHead, from_arrays
+from cranectl.support import Array, TableHead
 
 MAX_LIST = 32  # numbers of a list in a message; longer ones are pictures and clouds of points
 STAMPS = ({"sec", "nanosec"}, {"secs", "nsecs"}, {"sec", "nsec"})  # fields of a time, as ROS and others have
@@ -72,8 +72,8 @@ class MessageSeries:
         columns: dict[str, Array] = dict(others or {})
         for name, series in self._series.items():
             is_time = series.typecode == "q"
-            columns[name] = (np.array(series) - start) * TICK_SECONDS["ns"] if is_time else np.array(series)
-        return from_arrays(where, columns, left_out=tuple(self._left_out.values()), is_ordered=False)
+            columns[name] = 1e-9 * (np.array(series) - start) if is_time else np.array(series)
+        return TableHead.of_arrays(where, columns, left_out=tuple(self._left_out.values()), is_ordered=False)
 
 
 def _fields(value: Any) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from cranectl.measured.least_squares import LeastSquares
 from cranectl.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
 from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, at_least, at_most
+from cranectl.support import Array, InputError, Quantity
 
 RUNS = 5  # four to fit, and one to judge the result
 LAB_PERIOD = 0.005  # [s] of set-points on the laboratory rig; grows with the root of the size
@@ -48,7 +48,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
     if not shortest <= chosen <= longest:
         raise InputError(
             f"a set-point each {chosen:g} s, of a load that swings in {swing:.3g} s",
-            allowed=f"periods from {at_least(shortest, 2)} to {at_most(longest, 2)} s",
+            allowed=f"periods from {Quantity(shortest).at_least(2)} to {Quantity(longest).at_most(2)} s",
             remedy="leave --period out, or choose one of those",
         )
     rngs = (np.random.default_rng([seed, k]) for k in range(RUNS))
@@ -57,7 +57,7 @@ def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = No
 
 def largest_swing(run: Run) -> Array:
     """Return the largest angles of a run along bridge and trolley [rad], shape (2,)."""
-    largest: Array = np.abs(run.block("state")[:, 8:5:-2]).max(axis=0)
+    largest: Array = np.abs(run.state.angles[:, ::-1]).max(axis=0)
     return largest
 
 
@@ -143,7 +143,7 @@ def predict_estimates(
 
 def set_points_text(run: Run) -> str:
     """Return the set-points of a run as CSV: time [s] and the speeds of bridge, trolley and rope [m/s]."""
-    rows = zip((run.time_ns / NANOSECONDS).tolist(), run.block("command")[:, :3].tolist(), strict=True)
+    rows = zip((run.time_ns / NANOSECONDS).tolist(), run.commands.tolist(), strict=True)
     lines = (f"{t:.9g}," + ",".join(f"{speed:.{SPEED_DIGITS}f}" for speed in speeds) for t, speeds in rows)
     return "\n".join([",".join(("time", *COMMANDS)), *lines, ""])
 

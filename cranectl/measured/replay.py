@@ -19,7 +19,7 @@ from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.measured.followed_motion import MEASURED_MOTION
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
-from cranectl.signals import REFERENCE
+from cranectl.signals import SignalGroup, State
 from cranectl.simulate import Loop, Plan, Run, check_runs, make_plant
 from cranectl.support import Array, InputError
 
@@ -66,8 +66,8 @@ def simulate_replay(
     given = scenario = scenario or run.scenario
     drive: Drive = "ideal" if replay == "motion" else run.drive
     if commands is None:
-        commands = measured_motion(run) if replay == "motion" else run.block("command")[:, :3]
-    state = run.block("state")
+        commands = measured_motion(run) if replay == "motion" else run.commands
+    state = run.state.values
     start = state[0].copy() if initial is None else initial
     time_ns, parts = run.time_ns, 1
     if replay == "lines":
@@ -80,7 +80,7 @@ def simulate_replay(
     check_runs(scenario, ControllerDesign(controller.name), drive)
     plan = Plan(
         time_ns=time_ns,
-        reference=np.zeros((samples, len(REFERENCE))),
+        reference=np.zeros((samples, len(SignalGroup.REFERENCE))),
         reference_state=state,
         gravity=scenario.rig.gravity,
         initial_state=start,
@@ -139,7 +139,7 @@ def with_longer_steps(scenario: Scenario, drive: Drive) -> Scenario:
 
 def measured_motion(run: Run) -> Array:
     """Return smoothed positions, rates and accelerations of bridge, trolley and rope, shape (N, 9)."""
-    positions = run.block("state")[:, :6:2]
+    positions = run.state.axes
     period = run.scenario.period_ns / NANOSECONDS
     samples = rate_samples(period)
     if len(positions) < samples:
@@ -161,7 +161,7 @@ def positions_before(state: Array, late: float, period: float) -> Array:
     Between two samples they are cubics with the positions and rates of both (Hermite). All are wanted at
     one share of their span, for which SciPy's splines take 27 times as long.
     """
-    position, rate, share = state[:, 0::2], state[:, 1::2], 1.0 - late / period
+    position, rate, share = State(state).joints, State(state).joint_rates, 1.0 - late / period
     rising = share * share * (3.0 - 2.0 * share)
     first = period * share * (1.0 - share) ** 2
     second = period * share * share * (share - 1.0)

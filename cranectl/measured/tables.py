@@ -18,16 +18,7 @@ from cranectl.measured.isolated import read_isolated
 from cranectl.measured.mapping import LayoutMap
 from cranectl.measured.matlab import read_matlab
 from cranectl.measured.messages import read_bag, read_mcap
-from cranectl.support import (
-    READABLE,
-    InputError,
-    TableHead,
-    format_of,
-    open_input,
-    read_parquet,
-    read_text,
-    reported,
-)
+from cranectl.support import File, FileKind, InputError, TableHead
 
 MAX_FILE_BYTES = 2**31  # of a file
 BEGIN_BYTES = 4096  # by which the type of a file is known
@@ -47,7 +38,7 @@ class Format(NamedTuple):
 
 
 FORMATS = (
-    Format(b"PAR1", read_parquet, ("pyarrow.parquet",)),
+    Format(b"PAR1", TableHead.of_parquet, ("pyarrow.parquet",)),
     Format(b"MATLAB ", read_matlab, ("scipy.io", "h5py"), has_arrays=True),
     Format(b"\x89HDF", read_hdf5, ("h5py",), has_arrays=True),
     Format(b"PK\x03\x04", read_excel, ("openpyxl", "pyarrow.compute")),
@@ -71,11 +62,11 @@ def read_head(path: Path, layout: LayoutMap | None = None) -> TableHead:
     if form:
         more: tuple[Signals | None, ...] = (layout.signals,) if form.has_arrays else ()
         return read_isolated(form.read, form.libraries, path, where, *more)
-    kind = "JSON" if _JSON_LIST.match(begins) else format_of(begins)
+    kind = "JSON" if _JSON_LIST.match(begins) else FileKind.named(begins)
     if kind and kind not in TEXT_FORMATS:
-        raise InputError(f"{where} is {kind}", allowed=READABLE, remedy="save it as CSV or Parquet")
-    with reported(where):
-        return read_text(path, where, named_line=layout.names)
+        raise InputError(f"{where} is {kind}", allowed=TableHead.READABLE, remedy="save it as CSV or Parquet")
+    with TableHead.reading(where):
+        return TableHead.of_text(path, where, named_line=layout.names)
 
 
 def _beginning(path: Path, where: str) -> bytes:
@@ -83,15 +74,17 @@ def _beginning(path: Path, where: str) -> bytes:
     try:
         mode, size = path.stat().st_mode, path.stat().st_size
         is_device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode) or stat.S_ISSOCK(mode)
-        with contextlib.nullcontext() if is_device else open_input(path) as stream:
+        with contextlib.nullcontext() if is_device else File(path).open() as stream:
             begins = stream.read(BEGIN_BYTES) if stream else None
     except (OSError, ValueError) as error:  # ValueError: a null character in the name
         raise InputError(
-            f"cannot read {where}: {error}", allowed=READABLE, remedy="name a file that can be read"
+            f"cannot read {where}: {error}", allowed=TableHead.READABLE, remedy="name a file that can be read"
         ) from None
     if begins is None:
         raise InputError(
-            f"{where} is a device, not a file", allowed=READABLE, remedy="name a file that can be read"
+            f"{where} is a device, not a file",
+            allowed=TableHead.READABLE,
+            remedy="name a file that can be read",
         )
     if size > MAX_FILE_BYTES:
         raise InputError(
@@ -100,7 +93,7 @@ def _beginning(path: Path, where: str) -> bytes:
             remedy="write the columns that are needed as Parquet, or cut the file into parts",
         )
     if not begins:
-        raise InputError(f"{where} is empty", allowed=READABLE, remedy="record it again")
+        raise InputError(f"{where} is empty", allowed=TableHead.READABLE, remedy="record it again")
     return begins
 
 

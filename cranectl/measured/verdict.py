@@ -26,7 +26,7 @@ from cranectl.measured.fit import Fit
 from cranectl.measured.identity import overlap, trace_of
 from cranectl.measured.uncertainty import BAND_DEVIATIONS, UncertainPrediction, predict_with_errors
 from cranectl.simulate import Run
-from cranectl.support import Array, InputError, quantity
+from cranectl.support import Array, InputError, Quantity
 
 ENOUGH_LARGER = 20  # draws with a larger statistic, from which their share is known well enough
 SEED = 0  # of the draws
@@ -224,7 +224,7 @@ def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
         return NOT_DECIDED, verdict.obstacle
     is_covered = verdict.is_covered
     is_met = tolerance is not None and verdict.met_tolerance <= tolerance
-    needed = quantity(verdict.met_tolerance, "m")
+    needed = Quantity(verdict.met_tolerance, "m").text()
     if verdict.needs and not is_met:  # the band has what they leave open
         why = f"this run needs numbers that were never identified: {', '.join(verdict.needs)}"
         return NOT_DECIDED, f"{why}; a tolerance of {needed} would be met"
@@ -235,7 +235,7 @@ def answer_for(verdict: RunVerdict, tolerance: float | None) -> tuple[str, str]:
     if is_met:
         return (COVERED if is_covered else WITHIN_TOLERANCE), ""
     if is_covered or verdict.largest <= tolerance:
-        size, band = quantity(verdict.largest, "m"), quantity(verdict.band, "m")
+        size, band = Quantity(verdict.largest, "m").text(), Quantity(verdict.band, "m").text()
         why = f"the band of ± {band} is wider than your tolerance"
         if verdict.band <= tolerance:
             why = f"the difference of {size} and the band of ± {band} together exceed your tolerance"

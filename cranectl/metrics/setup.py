@@ -8,11 +8,11 @@ import numpy as np
 from cranectl.plants import DRIVES, Drive
 from cranectl.reference import HoldPath, SplinePath, build_trajectory
 from cranectl.scenario import NANOSECONDS, Drawing, ReferenceSettings, Scenario
-from cranectl.signals import PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate import has_signal_path
 from cranectl.support import Array
 
-FLAG_COLUMN = PATH.command + 3  # first of the three flags of saturation in the record of a signal path
+FLAG_COLUMN = COLUMN.path_command + 3  # first of the three flags of saturation in the record of a signal path
 NO_FLAGS = -1  # column of a run without a signal path
 BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
 RESTS = 0.01  # share of a spline's largest speed, below which it counts as at rest

@@ -10,7 +10,7 @@ from cranectl.metrics.accumulator import Accumulator, accumulate, empty_accumula
 from cranectl.metrics.setup import NO_FLAGS, MetricsSetup, metrics_setup
 from cranectl.metrics.table import Measured, Value, all_metrics
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import WORKSPACE_SIGNALS
+from cranectl.signals import State
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import Arguments, Array
@@ -56,7 +56,7 @@ class RunMetrics:
     @property
     def workspace_violations(self) -> tuple[WorkspaceViolation, ...]:
         """One entry for each of bridge, trolley and rope that left its range."""
-        axes = zip(WORKSPACE_SIGNALS, *(getattr(self, name) for name in OUTSIDE), strict=True)
+        axes = zip(State.AXIS_NAMES, *(getattr(self, name) for name in OUTSIDE), strict=True)
         return tuple(
             WorkspaceViolation(signal, first, excess, time)
             for signal, first, excess, time in axes
@@ -115,7 +115,7 @@ def metric_course(run: Run, name: str) -> Array:
 
 def workspace_excess(run: Run) -> Array:
     """Return how far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
-    positions = run.block("state" if run.has("state") else "axes")[:, :6:2]
+    positions = run.state.axes
     low, high = run.scenario.rig.workspace.T
     excess: Array = low - positions
     for axis in range(3):  # runs may be long: no second array of this size
@@ -141,7 +141,7 @@ def _violations(run: Run) -> tuple[WorkspaceViolation, ...]:
             float(excess.max()),
             float(step[excess > 0.0].sum()),
         )
-        for name, excess in zip(WORKSPACE_SIGNALS, workspace_excess(run).T, strict=True)
+        for name, excess in zip(State.AXIS_NAMES, workspace_excess(run).T, strict=True)
         if (excess > 0.0).any()
     )
 

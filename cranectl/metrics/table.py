@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from cranectl.metrics.clearance import add_clearance
 from cranectl.metrics.setup import MetricsSetup
 from cranectl.scenario import NANOSECONDS
-from cranectl.signals import AXES
 from cranectl.status import RunStatus
 from cranectl.support import Array, Extensions
 
@@ -146,7 +145,7 @@ METRICS = (
            _total("error_last"), "lower", row=Row("tracking error, final", 4, 3),
            compared="final error"),
     Metric("final_load_m", "z_f", "m", "position of the load at the last sample", "z_N−1",
-           _total("load"), parts=AXES),
+           _total("load"), parts=tuple("xyz")),
     Metric("rest_s", "t_r", "s", "when the reference comes to rest",
            "end of its last segment that is not a hold",
            lambda run: run.setup.rest_ns / NANOSECONDS, row=Row("reference at rest from", 3, 4)),
@@ -182,7 +181,7 @@ METRICS = (
            compared="sway about the lean"),
     Metric("residual_vibration_m", "", "m", "half the range of the load's position once the reference rests",
            "(max z − min z) / 2 over t_k ≥ t_r (Singer and Seering 1990)",
-           _at_rest(_half_range), "lower", AXES, Row("residual vibration x y z", 4, 10)),
+           _at_rest(_half_range), "lower", tuple("xyz"), Row("residual vibration x y z", 4, 10)),
     Metric("peak_acceleration_m_s2", "", "m/s²", "commanded acceleration of the largest size, signed",
            "of the next two, by size",
            _peak, parts=DRIVES, row=Row("peak of ẍ_c ÿ_c l̈", 3, 13), recorded=False),

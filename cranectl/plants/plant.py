@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol
 
 from cranectl.scenario import EffectSettings, RigParameters, Scenario, longest_step
-from cranectl.support import Array, InputError, exact_seconds
+from cranectl.support import Array, InputError, Quantity
 
 Drive = Literal["ideal", "velocity", "force"]
 
@@ -91,8 +91,8 @@ def check_rate(rate: float, effects: EffectSettings, length: float, *, step: flo
             f"with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {MAX_RATE_STEP / step:.3g} 1/s at this step",
             remedy=(
-                f"set control.physics_step to {exact_seconds(enough)} or less; or choose a softer rope or "
-                "frame, a heavier winch, or a body with more inertia"
+                f"set control.physics_step to {Quantity(enough).setting()} or less; or choose a softer rope "
+                "or frame, a heavier winch, or a body with more inertia"
             )
             if enough >= Scenario.MIN_PERIOD
             else "choose a softer rope or frame, a heavier winch, or a body with more inertia",

@@ -14,10 +14,10 @@ from typing import Any
 
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.scenario import EFFECTS
-from cranectl.support import COLOURS, VIEWER, Arguments, Extensions, InputError, Provenance
+from cranectl.support import Arguments, Extensions, InputError, Palette, Provenance
 
 MAX_PLANT_LABEL = 40  # [characters]
-PLANT_COLOURS = tuple(name for name in COLOURS if name in VIEWER and name.startswith("series-"))
+PLANT_COLOURS = tuple(name for name in Palette.LIGHT if name in Palette.VIEWER and name.startswith("series-"))
 # Effects that a plant shows or lacks as a whole, and parts of the other effects.
 WHOLE_EFFECTS = [
     name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
@@ -46,7 +46,7 @@ class PlantEntry:
     name, label : str
         Name of its topics and columns (lower case letters, digits, hyphens), and name for people.
     colour : str
-        A series of `support.colours`.
+        A series of `support.Palette`.
     where : str
         Its class as module:class, imported only when the plant is used.
     batch : int

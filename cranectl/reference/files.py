@@ -10,11 +10,11 @@ import numpy as np
 
 from cranectl.reference.tables import FileColumn, read_columns
 from cranectl.scenario import FromFile
-from cranectl.support import TICK_SECONDS, Array, InputError, open_input
+from cranectl.support import Array, File, InputError
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
-SI_FACTORS = {**TICK_SECONDS, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SI_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
 TROLLEY_PATH = ("bridge_position", "trolley_position", "rope_length")
@@ -54,7 +54,7 @@ def read_motion(path: Path, settings: FromFile, kinds: Sequence[str], where: str
     _check_settings_are_used(settings, kinds, where)
     where = f"{where}: {path}"
     try:
-        with open_input(path, piped=MAX_TABLE_BYTES + 1) as file:
+        with File(path).open(piped=MAX_TABLE_BYTES + 1) as file:
             magic = file.read(len(MCAP_MAGIC))
             content = b"" if magic == MCAP_MAGIC else magic + file.read(MAX_TABLE_BYTES + 1)
     except (OSError, ValueError) as error:  # ValueError: a null character in the name

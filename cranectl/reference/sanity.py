@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline
 from cranectl.model import states_and_inputs
 from cranectl.reference.time_laws import derivatives
 from cranectl.scenario import Scenario
-from cranectl.signals import ACCELERATION, Z
+from cranectl.signals import ACCELERATION, State, Z
 from cranectl.support import Array, InputError
 
 MIN_SAMPLES = 50  # ten folds of five samples
@@ -178,5 +178,5 @@ def _demand(curve: BSpline, scenario: Scenario, time: Array) -> Array | None:
         return None
     states, inputs = states_and_inputs(rows, gravity)
     lag = scenario.rig.time_constants if scenario.control.lag_compensation else 0.0
-    set_point = states[:, 1:6:2] + lag * inputs
+    set_point = State(states).axis_rates + lag * inputs
     return np.array([set_point, np.gradient(set_point, time, axis=0)])

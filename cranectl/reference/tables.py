@@ -8,16 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from cranectl.support import (
-    Array,
-    InputError,
-    TableHead,
-    format_of,
-    not_numbers,
-    read_parquet,
-    read_text,
-    reported,
-)
+from cranectl.support import Array, FileKind, InputError, ReadColumn, TableHead
 
 MAX_FILE_ROWS = 2_000_000
 PARQUET_MAGIC = b"PAR1"
@@ -65,14 +56,14 @@ def _read_head(content: bytes, where: str) -> TableHead:
     import pyarrow as pa
 
     if content.startswith(PARQUET_MAGIC):
-        with reported(where):
-            return read_parquet(pa.BufferReader(content), where, longest=MAX_FILE_ROWS)
-    if (kind := format_of(content)) and kind != UTF_16:
+        with TableHead.reading(where):
+            return TableHead.of_parquet(pa.BufferReader(content), where, longest=MAX_FILE_ROWS)
+    if (kind := FileKind.named(content)) and kind != UTF_16:
         raise InputError(
             f"{where} is {kind}", allowed=ALLOWED_FILES, remedy="save it as CSV in UTF-8, or as Parquet"
         )
-    with reported(where):
-        return read_text(content, where, needs_names=True, longest=MAX_FILE_ROWS)
+    with TableHead.reading(where):
+        return TableHead.of_text(content, where, needs_names=True, longest=MAX_FILE_ROWS)
 
 
 def _read_column(head: TableHead, kind: str, name: str, units: Sequence[str]) -> FileColumn:
@@ -80,7 +71,7 @@ def _read_column(head: TableHead, kind: str, name: str, units: Sequence[str]) ->
     index = head.names.index(name)
     read = head.read(index, is_clock=kind == "time")
     if read.is_time and kind != "time":
-        raise not_numbers(head.where, name, "time stamps")
+        raise ReadColumn.not_numbers(head.where, name, "time stamps")
     unit = canonical_unit(head.unit(index)) or _unit_of(name, units)
     return FileColumn(read.values, "s" if read.is_time else unit)
 

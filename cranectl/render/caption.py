@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.render.timeline import Timeline
 from cranectl.scenario import Drawing
-from cranectl.support import LIGHT, SLACK_ROPE, difference_in
+from cranectl.support import Palette, Quantity
 
 SUPERSAMPLING = 4  # of symbols, since Pillow draws shapes with hard edges
 PLATE_COLOUR = (255, 255, 255, 175)  # behind the legend
@@ -41,10 +41,12 @@ class Caption:
         picture.paste(self._fixed, (0, 0), self._fixed)
         pen = ImageDraw.Draw(picture)
         right, y = self._width - self._px(24), self._px(18)
-        pen.text((right, y), f"{time:.2f} s", LIGHT["ink"], font(self._px(24), bold=True), anchor="ra")
+        pen.text(
+            (right, y), f"{time:.2f} s", Palette.LIGHT["ink"], font(self._px(24), bold=True), anchor="ra"
+        )
         y += self._px(34)
         for text, role in readings(self._timeline, time):
-            pen.text((right, y), text, LIGHT[role], font(self._px(15)), anchor="ra")
+            pen.text((right, y), text, Palette.LIGHT[role], font(self._px(15)), anchor="ra")
             y += self._px(21)
 
     def _fixed_parts(self, width: int, height: int, scale: ScaleLabel) -> Image.Image:
@@ -58,9 +60,9 @@ class Caption:
             (18, run.scenario.name, "ink", font(self._px(24), bold=True)),
             (52, subtitle, "muted", font(self._px(15))),
         ):
-            pen.text((left, self._px(y)), _shorten(text, letters, 0.62 * width), LIGHT[role], letters)
+            pen.text((left, self._px(y)), _shorten(text, letters, 0.62 * width), Palette.LIGHT[role], letters)
         length, (right, middle) = scale
-        pen.text((right + self._px(8), middle), length, LIGHT["ink"], font(self._px(15)), anchor="lm")
+        pen.text((right + self._px(8), middle), length, Palette.LIGHT["ink"], font(self._px(15)), anchor="lm")
         rows = legend(self._timeline)
         step, symbol_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
@@ -74,7 +76,7 @@ class Caption:
             middle = (k + 0.5) * step
             lengths = (SUPERSAMPLING * length for length in (middle, symbol_width, self._unit))
             symbol(ImageDraw.Draw(symbols), *lengths)
-            pen.text((left + self._px(40), top + middle), text, LIGHT["ink"], letters, anchor="lm")
+            pen.text((left + self._px(40), top + middle), text, Palette.LIGHT["ink"], letters, anchor="lm")
         layer.alpha_composite(symbols.resize(size, Image.Resampling.BOX), (left, top))
         return layer
 
@@ -98,10 +100,11 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
         labels = labels[:1]
     names = labels if timeline.by_label else ["load"]
     texts = [
-        f"{name} off by {difference_in(errors[of], 'm')}" for name, of in zip(names, labels, strict=False)
+        f"{name} off by {Quantity(errors[label], 'm').difference()}"
+        for name, label in zip(names, labels, strict=False)
     ]
     if (distance := timeline.distance(time)) is not None:
-        text = difference_in(distance, "m")
+        text = Quantity(distance, "m").difference()
         texts.append(f"others up to {text} away" if timeline.by_label else f"plants apart by {text}")
     lines = [(text, "muted") for text in texts]
     stops = {track.label: track.run.status.label for track in timeline.tracks if track.stopped(time)}
@@ -127,7 +130,7 @@ def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
     if any(run.scenario.forced or run.block("disturbance").any() for run in runs):
         symbols.append((_arrow, "disturbance"))
     if any(track.nearly_slack.any() for track in timeline.tracks):
-        symbols.append((partial(_line, colour=SLACK_ROPE), "rope nearly slack"))
+        symbols.append((partial(_line, colour=Palette.VIEWER["slack-rope"]), "rope nearly slack"))
     return symbols
 
 
@@ -139,14 +142,14 @@ def _line(pen: Pen, middle: float, right: float, unit: float, *, colour: str, wi
 def _dashed(pen: Pen, middle: float, right: float, unit: float) -> None:
     dash = right / 5
     for k in (0, 2, 4):
-        pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=LIGHT["ink"])
+        pen.rectangle((k * dash, middle - unit, (k + 1) * dash, middle + unit), fill=Palette.LIGHT["ink"])
 
 
 def _ball(pen: Pen, middle: float, right: float, unit: float) -> None:
-    pen.circle((right / 2, middle), 6 * unit, fill=LIGHT["series-3"])
+    pen.circle((right / 2, middle), 6 * unit, fill=Palette.LIGHT["series-3"])
 
 
 def _arrow(pen: Pen, middle: float, right: float, unit: float) -> None:
-    neck, colour = right - 12 * unit, LIGHT["series-4"]
+    neck, colour = right - 12 * unit, Palette.LIGHT["series-4"]
     pen.rectangle((0, middle - 1.5 * unit, neck, middle + 1.5 * unit), fill=colour)
     pen.polygon(((neck, middle - 6 * unit), (right, middle), (neck, middle + 6 * unit)), fill=colour)

@@ -19,7 +19,7 @@ from cranectl.render.opengl import check_engine
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import Timeline, timeline_of
 from cranectl.simulate import Run
-from cranectl.support import LIGHT, SLACK_ROPE, Array, InputError, replacing, rgb, writing
+from cranectl.support import Array, File, InputError, Palette
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
@@ -122,7 +122,8 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     times = _times(timeline, settings)
     if settings.suffix == ".mp4":
         check_encoder()
-    with writing(settings.out), _painter(timeline, settings) as paint, replacing(settings.out) as part:
+    file = File(settings.out)
+    with file.writing(), _painter(timeline, settings) as paint, file.replacing() as part:
         pictures = _pictures(paint, times, progress)
         if settings.suffix == ".png":
             next(pictures).save(part, format="png", optimize=True)
@@ -202,7 +203,8 @@ def write_gif(
     for k, sample in enumerate(samples):
         montage.paste(sample, (0, k * sample.height))
     # Thin lines have too few pixels to get palette entries, but the legend needs their colours.
-    accents = [round(255 * part) for colour in (*LIGHT.values(), SLACK_ROPE) for part in rgb(colour)]
+    accents = [round(255 * part) for role in Palette.LIGHT for part in Palette.LIGHT.rgb(role)]
+    accents += [round(255 * part) for part in Palette.VIEWER.rgb("slack-rope")]
     palette = Image.new("P", (1, 1))
     palette.putpalette((montage.quantize(MAX_GIF_COLOURS - len(accents) // 3).getpalette() or []) + accents)
     reduced = (picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures)

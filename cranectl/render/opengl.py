@@ -82,9 +82,10 @@ def _probe_backend(backend: str) -> str:
     """Return why a backend does not work, or ""; a child process tries it, since a failure is permanent."""
     # -P: import no module of the working directory, but those of PYTHONPATH as in this process.
     command = [sys.executable, "-P", "-c", PROBE_CODE.format(backend)]
-    environment = {**os.environ, "MUJOCO_GL": backend, SafePath.VARIABLE: SafePath.MARK}
     try:
-        code, _, errors = Program.ask(command, PROBE_TIMEOUT, environment=environment)
+        with SafePath():
+            environment = {**os.environ, "MUJOCO_GL": backend}
+            code, _, errors = Program.ask(command, PROBE_TIMEOUT, environment=environment)
     except TimeoutError:
         return "it hangs"
     return _last_line(errors or "it crashes") if code else ""

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.render.timeline import Timeline, Track
-from cranectl.support import LIGHT, Array, scaled
+from cranectl.support import Array, Palette, Quantity
 
 DPI = 100.0
 REFERENCE_SIZE = (480.0, 720.0)  # [px], at scale 1
@@ -22,26 +22,26 @@ PADDING = 0.09  # [in]
 HEADROOM = 0.15  # of a panel's height, for the names of disturbances
 MIN_DISTANCE = 1e-14  # [m] on a logarithmic axis; smaller distances are rounding
 _STYLE: dict[Any, Any] = {
-    "axes.edgecolor": LIGHT["muted"],
+    "axes.edgecolor": Palette.LIGHT["muted"],
     "axes.grid": True,
-    "axes.labelcolor": LIGHT["ink"],
+    "axes.labelcolor": Palette.LIGHT["ink"],
     "axes.linewidth": 0.6,
     "axes.spines.right": False,
     "axes.spines.top": False,
-    "axes.titlecolor": LIGHT["ink"],
+    "axes.titlecolor": Palette.LIGHT["ink"],
     "axes.titlelocation": "left",
     "axes.titlesize": 9.5,
     "figure.constrained_layout.h_pad": PADDING,
     "figure.constrained_layout.w_pad": PADDING,
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
-    "grid.color": LIGHT["grid"],
+    "grid.color": Palette.LIGHT["grid"],
     "grid.linewidth": 0.6,
     "lines.solid_capstyle": "round",
-    "xtick.color": LIGHT["muted"],
-    "ytick.color": LIGHT["muted"],
-    "xtick.labelcolor": LIGHT["muted"],
-    "ytick.labelcolor": LIGHT["muted"],
+    "xtick.color": Palette.LIGHT["muted"],
+    "ytick.color": Palette.LIGHT["muted"],
+    "xtick.labelcolor": Palette.LIGHT["muted"],
+    "ytick.labelcolor": Palette.LIGHT["muted"],
 }
 
 
@@ -96,7 +96,7 @@ class Plots:
         for panel, axes in self._drawn:
             bottom, top = strip.height - axes.bbox.y0, strip.height - axes.bbox.y1
             x = round(float(axes.transData.transform((time, panel.shown[1]))[0]))
-            pen.line((x, top, x, bottom), fill=LIGHT["ink"], width=self._cursor)
+            pen.line((x, top, x, bottom), fill=Palette.LIGHT["ink"], width=self._cursor)
             for curve in panel.curves:
                 if curve.is_wide:
                     continue
@@ -122,7 +122,7 @@ def _panels(timeline: Timeline) -> list[Panel]:
         ghosts = [track for track in timeline.tracks if track.is_ghost]
         one_colour_each = timeline.by_label or len(ghosts) > 1
         curves = [
-            Curve(ghost.colour if one_colour_each else LIGHT["ink"], time, far.clip(MIN_DISTANCE))
+            Curve(ghost.colour if one_colour_each else Palette.LIGHT["ink"], time, far.clip(MIN_DISTANCE))
             for ghost, (time, far) in zip(ghosts, timeline.distances, strict=True)
         ]
         title = f"distance from {timeline.main.label} [m]" if one_colour_each else "plants apart [m]"
@@ -135,7 +135,7 @@ def _scaled_panel(
 ) -> Panel:
     """Return a panel in the unit that suits its largest value."""
     largest = max(shown[1], *(float(curve.values.max()) for curve in curves))
-    factor, prefixed = scaled(unit, largest)
+    factor, prefixed = Quantity(largest, unit).scale()
     curves = [replace(curve, values=factor * curve.values) for curve in curves]
     low, high = shown
     return Panel(title.format(prefixed), curves, (factor * low, factor * high), limit and factor * limit)
@@ -155,7 +155,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
     if panel.is_logarithmic:
         axes.set_yscale("log")
     if panel.limit is not None:
-        axes.axhline(panel.limit, color=LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
+        axes.axhline(panel.limit, color=Palette.LIGHT["limit"], linewidth=0.9, linestyle=(0, (2, 2)))
     for curve in panel.curves:
         width, opacity = (4.5, 0.35) if curve.is_wide else (1.3, 1.0)
         style: dict[str, Any] = {"linestyle": (0, (4, 2)) if curve.is_dashed else "-", "alpha": opacity}
@@ -166,7 +166,7 @@ def _draw(axes: Axes, panel: Panel) -> None:
 
 
 def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
-    line: dict[str, Any] = {"color": LIGHT["series-4"], "linewidth": 0.9}
+    line: dict[str, Any] = {"color": Palette.LIGHT["series-4"], "linewidth": 0.9}
     names, above = {"alpha": "disturbance on α", "beta": "disturbance on β"}, axes.get_xaxis_transform()
     for disturbance in timeline.main.run.scenario.disturbances:
         if disturbance.start > timeline.duration:  # a name outside the diagram would leave no room for it
@@ -176,7 +176,7 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
             name, anchor = names.get(disturbance.joint or "", "force on load"), (disturbance.start, 1.0)
-            axes.annotate(name, anchor, (3.0, -9.0), above, "offset points", color=LIGHT["series-4"])
+            axes.annotate(name, anchor, (3.0, -9.0), above, "offset points", color=Palette.LIGHT["series-4"])
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:

@@ -12,7 +12,7 @@ from cranectl.plants import DrawnRig
 from cranectl.render.opengl import drawing_context
 from cranectl.render.timeline import Timeline, Track
 from cranectl.scenario import Drawing, RigParameters
-from cranectl.support import LIGHT, SLACK_ROPE, Array, rgb
+from cranectl.support import Array, Palette
 
 Pixels = NDArray[np.uint8]
 Colour = tuple[float, float, float]
@@ -23,7 +23,7 @@ GHOST = 0.45  # opacity
 GHOST_HALO = 0.006  # [m] by which a ghost is larger, so that it shows around a solid crane in the same place
 GHOST_OFFSET = 0.03  # [m] by which a ghost is farther from the camera, so as not to tint the solid crane
 ROPE_WIDTH = 0.006  # [m]
-TAUT_COLOUR, SLACK_COLOUR = rgb(LIGHT["ink"]), rgb(SLACK_ROPE)
+TAUT_COLOUR, SLACK_COLOUR = Palette.LIGHT.rgb("ink"), Palette.VIEWER.rgb("slack-rope")
 ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s² at the scaled rope; [m]
 MAX_ARROW = 0.6  # [m]
 MARKER_RADIUS = 0.024  # [m], of the load's reference
@@ -118,10 +118,11 @@ class Renderer:
                     self._add_reference(track, row)
             self._add_trail(track, row)
         for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
-            self._connect(LINE, 2.0 * self._line_width, start, end, (*rgb(LIGHT["ink"]), 1.0))
+            self._connect(LINE, 2.0 * self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 1.0))
         for box in self._timeline.main.run.scenario.obstacles:
             low, high = np.array(box.low), np.array(box.high)
-            self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), (*rgb(LIGHT["muted"]), OBSTACLE_OPACITY))
+            shade = (*Palette.LIGHT.rgb("muted"), OBSTACLE_OPACITY)
+            self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), shade)
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
         self._model.material("rope").rgba = (*rope, 1.0)
@@ -133,7 +134,7 @@ class Renderer:
         mujoco.mjv_addGeoms(model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), moving, self._scene)
         for geom in self._scene.geoms[first : self._scene.ngeom]:
             is_rope = geom.objtype == mujoco.mjtObj.mjOBJ_TENDON and rope == SLACK_COLOUR
-            geom.rgba = (*(rope if is_rope else rgb(track.colour)), GHOST)
+            geom.rgba = (*(rope if is_rope else Palette.LIGHT.rgb(track.colour)), GHOST)
             geom.matid = -1
             geom.transparent = 1
             geom.size = geom.size + GHOST_HALO * self._scale
@@ -156,13 +157,13 @@ class Renderer:
         size = float(np.linalg.norm(acceleration))
         if size > 0.0:
             end = load + acceleration / size * self._scale * min(ARROW_LENGTH * size, MAX_ARROW)
-            self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*rgb(LIGHT["series-4"]), 1.0))
+            self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*Palette.LIGHT.rgb("series-4"), 1.0))
 
     def _add_reference(self, track: Track, row: int) -> None:
-        load, target = track.run.load_position[row], track.run.reference[row, :3]
-        green = (*rgb(LIGHT["series-3"]), 1.0)
+        load, target = track.run.load_position[row], track.run.reference_position[row]
+        green = (*Palette.LIGHT.rgb("series-3"), 1.0)
         for start, end in self._timeline.path_dashes:
-            self._connect(LINE, self._line_width, start, end, (*rgb(LIGHT["ink"]), 0.8))
+            self._connect(LINE, self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 0.8))
         self._connect(LINE, self._line_width, load, target, green)
         self._add(SPHERE, (MARKER_RADIUS * self._scale, 0.0, 0.0), target, green)
         # A disc below the load in place of a shadow.
@@ -176,7 +177,9 @@ class Renderer:
             points = np.array([self._behind(point) for point in points])
         shades = opacity * np.linspace(0.1, 1.0, len(points))[1:]
         for shade, start, end in zip(shades, points, points[1:], strict=False):
-            self._connect(LINE, width * self._line_width, start, end, (*rgb(track.colour), shade))
+            self._connect(
+                LINE, width * self._line_width, start, end, (*Palette.LIGHT.rgb(track.colour), shade)
+            )
 
     def _behind(self, point: Array) -> Array:
         sight = point - self._eye

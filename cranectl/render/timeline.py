@@ -10,7 +10,7 @@ from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants import PLANTS
 from cranectl.scenario import Drawing
 from cranectl.simulate import Run
-from cranectl.support import LIGHT, VIEWER_SERIES, Array, InputError, Mask
+from cranectl.support import Array, InputError, Mask, Palette
 
 TRAIL_POINTS = 60
 DASH_LENGTH, DASH_PERIOD = 0.035, 0.065  # [m] of the reference path, times the rig's scale
@@ -30,7 +30,7 @@ class Track:
     @cached_property
     def error(self) -> Array:
         """Distance of the load from its reference [m], shape (N,); only of a run that has one."""
-        distance: Array = np.linalg.norm(self.run.load_position - self.run.reference[:, :3], axis=1)
+        distance: Array = np.linalg.norm(self.run.load_position - self.run.reference_position, axis=1)
         return distance
 
     @cached_property
@@ -76,7 +76,7 @@ class Timeline:
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
         if not longest.has_reference:
             return np.zeros((0, 2, 3))
-        return dashes(longest.reference[:, :3], Drawing(longest.scenario.rig).scale)
+        return dashes(longest.reference_position, Drawing(longest.scenario.rig).scale)
 
     @cached_property
     def distances(self) -> list[tuple[Array, Array]]:
@@ -135,14 +135,14 @@ def timeline_of(runs: Mapping[str, Run]) -> Timeline:
     by_label = any(name != run.plant for name, run in runs.items())
     if by_label:
         solid = next(iter(drawn))
-        blue, orange, *more = VIEWER_SERIES
+        blue, orange, *more = Palette.VIEWER.series
         # The model's bridge is orange, so the solid run has that colour.
         colours = dict(zip(runs, (orange, blue, *more), strict=False))
         tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
     else:
         solid = PLANTS.shown(drawn)
         entries = [(run, PLANTS.entry(run.plant)) for run in drawn.values()]
-        tracks = [Track(run, run.plant != solid, e.label, LIGHT[e.colour]) for run, e in entries]
+        tracks = [Track(run, run.plant != solid, e.label, Palette.LIGHT[e.colour]) for run, e in entries]
     return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)
 
 

@@ -21,7 +21,7 @@ from cranectl.measured.verdict import (
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.table import Cell, Table, tabulate
 from cranectl.report.theme import SERIES, STAND_IN, TIME, WIDTH, canvas, make_room
-from cranectl.support import quantity
+from cranectl.support import Quantity
 
 MARKS = {COVERED: "good", WITHIN_TOLERANCE: "open", NOT_DECIDED: "open", NOT_COVERED: "bad"}  # worst last
 MILLIMETRES = MILLIRADIANS = 1e3
@@ -64,7 +64,7 @@ def identified_table(result: Identification) -> Table:
 
 def _misfit_note(result: Identification) -> str:
     """Return the largest distance at the load, and the misfit of each channel."""
-    largest = quantity(max(_largest_residuals(result)), "m")
+    largest = Quantity(max(_largest_residuals(result)), "m").text()
     misfits = ", ".join(f"{name} {misfit:.2g}" for name, misfit in result.misfits.items())
     return f"Largest difference at the load: {largest}. Misfit (1 for noise alone): {misfits}"
 
@@ -127,7 +127,7 @@ def _misfit_sentence(result: Identification, names: Sequence[str]) -> str:
     channel = max(result.misfits, key=lambda name: result.misfits[name])
     name = names[run] if names else f"run {run + 1}"
     return (
-        f"MISFIT: up to {quantity(largest[run], 'm')} at the load, in {name} at "
+        f"MISFIT: up to {Quantity(largest[run], 'm')} at the load, in {name} at "
         f"{load.time[load.largest]:.2f} s. "
         f"The crane does something that the model does not: residuals of {channel} are "
         f"{result.misfits[channel]:.3g} times the squared noise of its readings. "
@@ -152,7 +152,7 @@ def identification_page(result: Identification, names: Sequence[str], remade_by:
     facts = (
         Fact("Runs", str(result.runs), f"{REPEATED[result.replay]} on the plant {MODEL}"),
         Fact("Numbers", str(len(result.estimates)), f"{len(result.unidentifiable)} more are left open"),
-        Fact("Largest difference", quantity(largest, "m"), "between measured and fitted load"),
+        Fact("Largest difference", Quantity(largest, "m").text(), "between measured and fitted load"),
         Fact("Misfit", f"{result.misfit:.3g}", f"of {worst}; 1 for noise alone"),
     )
     texts = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in remarks(result, names))
@@ -199,7 +199,7 @@ def verdict_sentence(verdicts: Sequence[RunVerdict]) -> str:
 
 def explanation(verdict: RunVerdict, tolerance: float | None) -> str:
     """Return in a sentence why a run has its answer: where and when it differs, and by how much."""
-    largest, at = quantity(verdict.largest, "m"), f"{verdict.largest_at:.2f} s"
+    largest, at = Quantity(verdict.largest, "m").text(), f"{verdict.largest_at:.2f} s"
     if verdict.answer == NOT_DECIDED:
         return f"{verdict.answer}: {verdict.reason}{_shrinking_advice(verdict)}"
     if not np.isfinite(verdict.largest):
@@ -251,12 +251,12 @@ def verdict_page(verdicts: Sequence[RunVerdict], tolerance: float | None, remade
     worst = max(verdicts, key=lambda verdict: [*MARKS].index(verdict.answer))
     farthest = max(verdicts, key=lambda verdict: verdict.largest)
     covered = sum(verdict.answer == COVERED for verdict in verdicts)
-    accepted = "none stated" if tolerance is None else f"accepted: {quantity(tolerance, 'm')}"
+    accepted = "none stated" if tolerance is None else f"accepted: {Quantity(tolerance, 'm')}"
     probability = f"{100.0 * min(v.probability for v in verdicts):.2g} %"
     facts = (
         Fact("Runs covered", f"{covered} of {len(verdicts)}"),
-        Fact("Largest difference", quantity(farthest.largest, "m"), accepted),
-        Fact("Widest band", f"± {quantity(max(v.band for v in verdicts), 'm')}", "of the predictions"),
+        Fact("Largest difference", Quantity(farthest.largest, "m").text(), accepted),
+        Fact("Widest band", f"± {Quantity(max(v.band for v in verdicts), 'm')}", "of the predictions"),
         Fact("Smallest probability", probability, "that a model without error differs as much"),
     )
     caption = (

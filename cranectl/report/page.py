@@ -16,7 +16,7 @@ from PIL.Image import Image
 
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, standalone_svg, styled
-from cranectl.support import FileKind, replacing, write_text, writing
+from cranectl.support import File, FileKind
 
 
 @dataclass(frozen=True)
@@ -126,8 +126,8 @@ def typeset(text: str) -> Markup:
 
 def write_page(page: Page, path: Path) -> None:
     """Write the page in one atomic step; raise InputError if that fails."""
-    with writing(path):
-        write_text(path, render(page))
+    with File(path).writing():
+        File(path).write_text(render(page))
 
 
 def write_figures(page: Page, directory: Path) -> int:
@@ -143,6 +143,6 @@ def write_figures(page: Page, directory: Path) -> int:
         name += f"-{taken[name]}" if taken[name] > 1 else ""
         path = directory / f"{name}.{'png' if figure.png else 'svg'}"
         FileKind.of(path, FileKind.PLOTS).check_place(path, option="--figures")
-        with writing(path), replacing(path) as part:
+        with File(path).writing(), File(path).replacing() as part:
             part.write_bytes(figure.png or standalone_svg(figure.svg).encode())
     return taken.total()

@@ -22,12 +22,12 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from cranectl.support import COLOURS, LIGHT, InputError, replacing
+from cranectl.support import File, InputError, Palette
 
 WIDTH = 6.4  # [in] of most figures
 LETTER = 5.2  # [pt], mean width of the letters of labels
-SERIES = tuple(role for role in COLOURS if role.startswith("series"))
-STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(COLOURS)}
+SERIES = tuple(role for role in Palette.LIGHT if role.startswith("series"))
+STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(Palette.LIGHT)}
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 _STYLE: dict[Any, Any] = {
@@ -100,7 +100,8 @@ def label_log_axis(axes: Axes) -> None:
 
 def css_variables(dark: bool) -> str:
     """Return the values of the roles as CSS declarations."""
-    return " ".join(f"--{role}: {pair[dark]};" for role, pair in COLOURS.items())
+    palette = Palette.DARK if dark else Palette.LIGHT
+    return " ".join(f"--{role}: {colour};" for role, colour in palette.items())
 
 
 def inline_svg(figure: Figure) -> str:
@@ -134,11 +135,13 @@ def standalone_svg(svg: str) -> str:
     """Return the `<svg>` element of a page as the text of a file, in the colours of light pages."""
     text = re.sub(r"calc\(([\d.]+px) \* var\(--text\)\)", r"\1", svg)
     while _VARIABLE.search(text):  # one may be the fallback of another
-        text = _VARIABLE.sub(lambda found: LIGHT.get(found[1]) or found[2] or "none", text)
+        text = _VARIABLE.sub(lambda found: Palette.LIGHT.get(found[1]) or found[2] or "none", text)
     text = re.sub(r' data-(?:plots|part)="[^"]*"', "", text)
     root, *rest = re.split("(?<=>)", text, maxsplit=1)
     width, height = re.findall(r"[-\d.]+", root.partition("viewBox=")[2])[2:4]
-    style = f"color: {LIGHT['ink']}; background: #ffffff; font-family: 'DejaVu Sans', Verdana, sans-serif"
+    style = (
+        f"color: {Palette.LIGHT['ink']}; background: #ffffff; font-family: 'DejaVu Sans', Verdana, sans-serif"
+    )
     root = re.sub(r' style="[^"]*"', "", root)
     root = root.replace("<svg", f'<svg width="{width}" height="{height}" style="{style}"', 1)
     return f"{root}{''.join(rest)}\n"
@@ -153,7 +156,7 @@ def save_figure(figure: Figure, path: Path) -> None:
     kind = path.suffix.lower()
     try:
         # No date and no random identifiers: the same figure, the same bytes.
-        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), replacing(path) as part:
+        with matplotlib.rc_context({"svg.hashsalt": "cranectl"}), File(path).replacing() as part:
             figure.savefig(part, format=kind[1:] or None, metadata=UNDATED.get(kind))
     except (OSError, ValueError) as error:
         raise InputError(

@@ -19,7 +19,7 @@ from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, 
 from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
 from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
 from cranectl.scenario import Drawing, Scenario
-from cranectl.support import difference_in, exact_seconds, quantity
+from cranectl.support import Quantity
 
 SHOWN = 10  # rows, the worst first, before the others are folded
 SHOWN_SCENARIOS = 12  # that have sections and pictures, the worst first
@@ -134,7 +134,7 @@ def causes(case: Verdict) -> list[str]:
         return [f"The run on {', '.join(plants)} ended {how}.{expectation}" for how, plants in ends.items()]
     faults = [value.fault for value in judged_values(result) if not value.kept]
     steps = sorted({agreement.curing_step_s for agreement in result.agreements if agreement.curing_step_s})
-    faults += [f"With control.physics_step = {exact_seconds(step)} the plants agree." for step in steps]
+    faults += [f"With control.physics_step = {Quantity(step).setting()} the plants agree." for step in steps]
     if not result.limits_kept:
         beyond = [run.beyond_drives for run in result.runs if run.beyond_drives]
         faults += [f"The controller {text}." for text in beyond[:1]]
@@ -190,12 +190,14 @@ def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iter
     }
     if errors:
         name, largest = max(errors.items(), key=lambda pair: (isnan(pair[1]), pair[1]))
-        yield Fact("Largest tracking error", quantity(largest, "m"), name if len(errors) > 1 else "")
+        yield Fact("Largest tracking error", Quantity(largest, "m").text(), name if len(errors) > 1 else "")
     if judged := [agreement for agreement in validation.agreements if agreement.limit_m is not None]:
         apart = max(judged, key=lambda agreement: agreement.max_load_error_m / (agreement.limit_m or inf))
-        allowed = f"allowed: {quantity(apart.limit_m or 0.0, 'm')}"
+        allowed = f"allowed: {Quantity(apart.limit_m or 0.0, 'm')}"
         mark = "bad" if any(agreement.passed is False for agreement in judged) else ""
-        yield Fact("Difference between plants", difference_in(apart.max_load_error_m, "m"), allowed, mark)
+        yield Fact(
+            "Difference between plants", Quantity(apart.max_load_error_m, "m").difference(), allowed, mark
+        )
     yield from facts_of_input(validation, [verdict.scenario for verdict in scenarios if verdict.scenario])
 
 

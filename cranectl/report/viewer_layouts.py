@@ -28,12 +28,14 @@ from cranectl.report.viewer_panels import (
     without_legend,
 )
 from cranectl.scenario import RigParameters
-from cranectl.signals import REFERENCE, Signal, flat_groups, recorded_groups
-from cranectl.support import VIEWER, VIEWER_SERIES, InputError
+from cranectl.signals import Signal, SignalGroup
+from cranectl.support import InputError, Palette
 
 Lines = list[dict[str, Any]]  # of a plot
 SIGNALS: dict[tuple[str, str], Signal] = {
-    (group.name, signal.name): signal for group in recorded_groups(flat_groups(0)) for signal in group.signals
+    (group.name, signal.name): signal
+    for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))
+    for signal in group.signals
 }
 DISTANCE = topics.DISTANCE.signals[0]  # of the load
 SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
@@ -148,8 +150,8 @@ def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
     topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
     for signal in logged:
         lines = by_unit.setdefault(signal.unit, [])
-        if len(lines) < len(VIEWER_SERIES):
-            colour = VIEWER_SERIES[len(lines)]
+        if len(lines) < len(Palette.VIEWER.series):
+            colour = Palette.VIEWER.series[len(lines)]
             lines.append(_line(field_of(topic, signal.name), signal, signal.name, colour))
     return [plot("of the controller", lines) for lines in [*by_unit.values()][:MAX_UNITS]]
 
@@ -252,7 +254,7 @@ def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Pan
 def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
     """Return a signal of each plant, MuJoCo's first: the first line of a plot lies on top."""
     return [
-        {**_path(plant.name, group, name), "label": plant.label, "color": VIEWER[plant.colour]}
+        {**_path(plant.name, group, name), "label": plant.label, "color": Palette.VIEWER[plant.colour]}
         for plant in (PLANTS[plant_name] for plant_name in reversed(plants))
     ]
 
@@ -261,32 +263,35 @@ def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "")
     """Return a signal of each run of an overlay, in its colour; the first has no distance from itself."""
     first = 1 if name == DISTANCE.name else 0
     fields = (field_of(topics.plant_topic(label, group), name) for label in labels)
-    lines = zip(fields, labels, VIEWER_SERIES, strict=False)
+    lines = zip(fields, labels, Palette.VIEWER.series, strict=False)
     return [_line(f"{field}{modifier}", SIGNALS[group, name], *look) for field, *look in lines][first:]
 
 
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """Return one line of a plot."""
     signal = SIGNALS[group, name]
-    return _line(f"{topics.plant_topic(plant, group)}.{name}", signal, signal.symbol, VIEWER_SERIES[k])
+    topic = topics.plant_topic(plant, group)
+    return _line(f"{topic}.{name}", signal, signal.symbol, Palette.VIEWER.series[k])
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
     """Return plots of the differences between plants, in powers of ten down to rounding."""
     several, others, plots = len(plants) > 2, [p for p in plants if p != PLANTS.reference(plants)], []
-    for signal, colour in zip(topics.DISTANCE.signals, VIEWER_SERIES, strict=False):
+    for signal, colour in zip(topics.DISTANCE.signals, Palette.VIEWER.series, strict=False):
         lines = []
         for name in others:
             topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
-            look = (PLANTS[name].label, VIEWER[PLANTS[name].colour]) if several else (signal.symbol, colour)
+            look = signal.symbol, colour
+            if several:
+                look = PLANTS[name].label, Palette.VIEWER[PLANTS[name].colour]
             lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *look))
         plots.append(plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
     return plots
 
 
 def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:
-    (signal,) = (signal for signal in REFERENCE.signals if signal.name == f"load_{axis}")
-    return _line(field_of(topic, signal.name), signal, signal.symbol, VIEWER["reference"])
+    (signal,) = (signal for signal in SignalGroup.REFERENCE.signals if signal.name == f"load_{axis}")
+    return _line(field_of(topic, signal.name), signal, signal.symbol, Palette.VIEWER["reference"])
 
 
 def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cranectl.scenario.segments import Segment, Spline
-from cranectl.support import parse_json, replacing
+from cranectl.support import JSON, File
 
 FOLDER = "reference"
 PLAN = f"{FOLDER}/plan.json"  # claims of planned segments, by index
@@ -27,7 +27,7 @@ def with_files(segments: Sequence[Segment], files: Mapping[str, bytes]) -> tuple
 
     Raises InputError for claims that are not JSON.
     """
-    claims = parse_json(files[PLAN], PLAN) if PLAN in files else {}
+    claims = JSON.parse(files[PLAN], PLAN) if PLAN in files else {}
     known_claims = claims if isinstance(claims, dict) else {}
     complete: list[Segment] = []
     for k, segment in enumerate(segments):
@@ -54,7 +54,7 @@ class HeldFiles:
         folder = self.directory / FOLDER
         for name, content in files.items():
             folder.mkdir(exist_ok=True)
-            with replacing(folder / Path(name).name) as part:
+            with File(folder / Path(name).name).replacing() as part:
                 part.write_bytes(content)
 
     def read(self) -> dict[str, bytes]:

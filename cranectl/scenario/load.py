@@ -11,7 +11,7 @@ from cranectl.scenario.run_settings import controller_table
 from cranectl.scenario.scenario import ReferenceSettings, Scenario
 from cranectl.scenario.settings import override
 from cranectl.scenario.similarity import completed_rig, completed_scenario
-from cranectl.support import Array, InputError, Shipped, Table, is_plain, leaves, merged, read_toml
+from cranectl.support import TOML, Array, InputError, Shipped, Table, Tree
 
 
 def scenario_names() -> list[str]:
@@ -55,7 +55,7 @@ def read_scenario(
     if name_or_path is None:
         return default_scenario(rig=rig, overrides=overrides)
     path = scenario_file(name_or_path)
-    table = read_toml(path)
+    table = TOML.read(path)
     if isinstance(table.get("rig"), dict):
         _place_model(table["rig"], path.parent)
     if rig is None and isinstance(table.get("rig"), str):
@@ -98,7 +98,7 @@ def _stated_rig(name_or_path: str | Path) -> Table:
     if "load_mass" in whole:
         whole = {"rated_load": whole["load_mass"], **whole}
     for _, table in reversed(above):
-        whole = merged(whole, table)
+        whole = Tree(whole).merged(table)
     return whole
 
 
@@ -107,7 +107,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
         path = Shipped.RIGS.file(str(rig_place(below, directory)))
-        table = read_toml(path)
+        table = TOML.read(path)
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
         below, directory = table.pop("extends", None), path.parent
@@ -135,14 +135,14 @@ def given_settings(
     shipped = True
     if name_or_path is not None:
         path = scenario_file(name_or_path)
-        table, shipped = read_toml(path), path.parent == Shipped.SCENARIOS.folder
+        table, shipped = TOML.read(path), path.parent == Shipped.SCENARIOS.folder
         if rig is None and isinstance(table.get("rig"), str):
             rig = rig_place(table["rig"], path.parent)
     if rig is not None:
         table = {**table, "rig": {}}
         for path, own in reversed([*rig_files(rig)]):
             if path.parent != Shipped.RIGS.folder:
-                table["rig"] = merged(table["rig"], own)
+                table["rig"] = Tree(table["rig"]).merged(own)
     if "controller" in table:
         table = {**table, "controller": controller_table(table["controller"])}
     stated = {
@@ -158,7 +158,7 @@ def given_settings(
 
 def _settings(table: Table) -> Iterator[tuple[str, Any]]:
     """Yield the values of a table by dotted names, and its empty tables."""
-    return leaves(table, is_leaf=lambda value: is_plain(value) or not value)
+    return Tree(table).leaves(is_leaf=lambda value: Tree(value).is_plain or not value)
 
 
 def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
@@ -212,7 +212,7 @@ def _with_numbers(table: Table, limited: Collection[str]) -> Table:
         return table
     numbers = rig.get("effects") if isinstance(rig, dict) else None
     whole = {
-        name: merged(numbers.get(name, {}) if isinstance(numbers, dict) else {}, effect)
+        name: Tree(numbers.get(name, {}) if isinstance(numbers, dict) else {}).merged(effect)
         for name, effect in effects.items()
         if isinstance(effect, dict)
     }

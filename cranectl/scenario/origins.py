@@ -11,7 +11,7 @@ from cranectl.scenario.load import rig_files, rig_table
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.settings import describe, override
 from cranectl.scenario.similarity import scale_of
-from cranectl.support import InputError, Shipped, leaves
+from cranectl.support import InputError, Shipped, Tree
 
 SCALED, ASSUMED = "scaled", "assumed"
 OF_DRAWINGS = ("look.", "plant.", "model")  # told only where they are stated
@@ -76,7 +76,7 @@ class RigOrigins(NamedTuple):
         stated = _stated(name_or_path)
         stated |= {text.partition("=")[0].strip().removeprefix("rig."): "--set" for text in overrides}
         numbers = []
-        for name, value in leaves(rig.model_dump(mode="json"), is_leaf=_is_number):
+        for name, value in Tree(rig.model_dump(mode="json")).leaves(is_leaf=_is_number):
             is_scaled = bool(np.any(value)) and _is_scaled(name, length, mass)
             origin = _origin(name, stated) or (SCALED if is_scaled else ASSUMED)
             number = RigNumber(name, value, origin, "")
@@ -91,7 +91,7 @@ def _stated(name_or_path: str | Path) -> dict[str, str]:
     stated = {"rated_load": "load_mass"} if "load_mass" in files[0][1] else {}  # as `rig_table` takes it
     for path, table in files:
         source = path.stem if path.parent == Shipped.RIGS.folder else str(path)
-        stated |= dict.fromkeys((name for name, _ in leaves(table, is_leaf=_is_number)), source)
+        stated |= dict.fromkeys((name for name, _ in Tree(table).leaves(is_leaf=_is_number)), source)
     return stated
 
 

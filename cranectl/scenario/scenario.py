@@ -30,7 +30,7 @@ from cranectl.scenario.run_settings import (
 from cranectl.scenario.segments import Segment
 from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
-from cranectl.support import differences, exact_seconds, leaves
+from cranectl.support import Quantity, Tree
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # The rig's numbers of effects are not reported either: the effects of the run have them.
@@ -133,7 +133,7 @@ class Scenario(Settings):
             raise RuleError(
                 f"the segments last {length} s, longer than duration {self.duration} s",
                 allowed="a run that lasts as long as its reference, or longer",
-                remedy=f"set duration to {exact_seconds(math.ceil(length / period) * period)} or more",
+                remedy=f"set duration to {Quantity(math.ceil(length / period) * period).setting()} or more",
             )
         return self
 
@@ -214,8 +214,8 @@ class Scenario(Settings):
         usual, requested = (
             settings.model_dump(mode="json", exclude=NOT_REPORTED) for settings in (default, self)
         )
-        changed = {name: new for name, _, new in differences(usual, requested, absent=None)}
-        return dict(leaves(changed, is_leaf=lambda value: not isinstance(value, dict)))
+        changed = {name: new for name, _, new in Tree(usual).differences(requested, absent=None)}
+        return dict(Tree(changed).leaves(is_leaf=lambda value: not isinstance(value, dict)))
 
     def idle_effects(self, stated: Iterable[str]) -> tuple[str, ...]:
         """Return the effects that the scenario lacks although `stated` sets numbers of the rig for them."""
@@ -256,9 +256,9 @@ def _shorter_step(period: float, longest: float, what: str) -> str:
     """Return a remedy: the next step up to `longest` [s] that divides `period`, or a period that has one."""
     step = longest_step(period, longest)
     if step >= MIN_DURATION:
-        return f"set control.physics_step to {exact_seconds(step)}, {what}"
+        return f"set control.physics_step to {Quantity(step).setting()}, {what}"
     part = math.floor(longest * NANOSECONDS) / NANOSECONDS
-    fitting = exact_seconds(max(round(period / part), 1) * part)
+    fitting = Quantity(max(round(period / part), 1) * part).setting()
     return f"set control.period to {fitting}, since no physics step divides it"
 
 
@@ -268,7 +268,7 @@ def _check_multiple(name: str, time: float, period: float) -> None:
         raise RuleError(
             f"{name} = {time} s is no multiple of control.period = {period} s",
             allowed=f"{name} must be a multiple of control.period",
-            remedy=f"set {name} to {exact_seconds(nearest)}, or change control.period",
+            remedy=f"set {name} to {Quantity(nearest).setting()}, or change control.period",
         )
 
 

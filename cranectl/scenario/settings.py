@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple, Self, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 from pydantic_core import ErrorDetails
 
-from cranectl.support import MAX_DEPTH, InputError, Table, assign, mapped, printable, toml_value
+from cranectl.support import TOML, InputError, Table, Tree, printable
 
 
 @dataclass(frozen=True)
@@ -140,21 +140,21 @@ def override(table: Mapping[str, Any], assignments: Iterable[str]) -> Table:
 
     Values are parsed as TOML, except that complex numbers in lists need no quotes. Others are strings.
     """
-    result: Table = mapped(table)
+    result: Table = Tree(table).mapped()
     for assignment in assignments:
         key, separator, text = assignment.partition("=")
         parts = key.split(".")
-        if not separator or not all(parts) or len(parts) > MAX_DEPTH:
+        if not separator or not all(parts) or len(parts) > TOML.MAX_DEPTH:
             raise InputError(
                 f"--set {assignment}",
-                allowed=f"key=value, with dots between tables, at most {MAX_DEPTH} parts",
+                allowed=f"key=value, with dots between tables, at most {TOML.MAX_DEPTH} parts",
                 remedy="for example --set rig.load_mass=2.5",
             )
         text = text.strip()
         if text.startswith("["):
             text = _COMPLEX.sub(r'"\g<0>"', text)
-        value = toml_value(text, f"--set {printable(assignment, longest=80)}")
-        assign(result, key.strip(), value, f"--set {assignment}")
+        value = TOML.value(text, f"--set {printable(assignment, longest=80)}")
+        Tree(result).assign(key.strip(), value, f"--set {assignment}")
     return result
 
 

@@ -14,7 +14,7 @@ from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import MetricSettings
 from cranectl.scenario.settings import Scaled, Settings
-from cranectl.support import InputError, Table, assign, leaves, mapped, merged
+from cranectl.support import InputError, Table, Tree
 
 ROPE_BOUNDS = (0.05, 1000.0)  # [m] range of longest ropes for which all scaled numbers are within bounds
 STATED = ("rope_range", "rated_load", "load_mass")  # to which a rig's other numbers are scaled
@@ -53,12 +53,12 @@ def _completed(laboratory: Table, rig: Table, stated: Table) -> Table:
     usual = RigParameters()
     length = rig.get("rope_range", usual.rope_range)[1] / usual.rope_range[1]
     mass = rig.get("rated_load", usual.rated_load) / usual.rated_load
-    whole: Table = mapped(laboratory)
-    for name, value in list(leaves(whole)):
+    whole: Table = Tree(laboratory).mapped()
+    for name, value in list(Tree(whole).leaves()):
         scale = scale_of(name)
         if scale.factor(length, mass) != 1.0:
-            assign(whole, name, scale.sized(value, length, mass), name)
-    completed: Table = merged(whole, stated)
+            Tree(whole).assign(name, scale.sized(value, length, mass), name)
+    completed: Table = Tree(whole).merged(stated)
     return completed
 
 
@@ -85,7 +85,7 @@ def assumed_settings(rig: RigParameters, effects: EffectSettings) -> set[str]:
 
 def _numbers(table: Table) -> Iterator[tuple[str, Any]]:
     """Yield the lists of a table, and its numbers that scale, by dotted name."""
-    for name, value in leaves(table, is_leaf=lambda value: not isinstance(value, dict)):
+    for name, value in Tree(table).leaves(is_leaf=lambda value: not isinstance(value, dict)):
         if isinstance(value, list) or scale_of(name) != Scaled():
             yield name, value
 

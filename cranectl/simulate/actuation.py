@@ -11,6 +11,7 @@ import numpy as np
 from cranectl.model import AxisMasses, axis_masses, drive_forces, forced_accelerations
 from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.signals import State
 from cranectl.support import Array, jit
 
 BRAKING = 0.1  # [s] time constant with which the drives come to rest while the rope is slack; assumed
@@ -61,7 +62,7 @@ def make_unloaded_drives(nominal: Scenario, drive: Drive, start: Array) -> Unloa
 
 def initial_integral(start: Array) -> Array:
     """Return the set-points without lead (3,) [m/s] before a run that starts at `start` (10,)."""
-    return start[1:6:2].copy()
+    return State(start).axis_rates.copy()
 
 
 @jit

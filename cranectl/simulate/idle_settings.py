@@ -17,7 +17,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, Scenario
 from cranectl.simulate.plan import plan_reference
 from cranectl.simulate.runner import nominal_crane
-from cranectl.support import InputError, leaves
+from cranectl.support import InputError, Tree
 
 LAG = "rig.*_time_constant"
 OF_MODELS = ("rig.model", "rig.plant.names.*")
@@ -78,7 +78,7 @@ def idle_settings(
     for use in uses:
         with suppress(InputError):
             runs.append((use, ALL_CONTROLLERS.design(use.controller, scenario)))
-    numbers = (leaf for leaf in leaves(scenario.model_dump()) if isinstance(leaf[1], int | float))
+    numbers = (leaf for leaf in Tree(scenario.model_dump()).leaves() if isinstance(leaf[1], int | float))
     zero = {name: value == 0 for name, value in numbers}
     for name in names:
         reasons = [_why_idle(name, scenario, requested, run, zero) for run in runs]
@@ -134,7 +134,9 @@ def _why_idle(
         if getattr(scenario.effects, name.split(".")[2], None) is None:
             return None  # `idle_effects` reports it
         name = name.removeprefix("rig.")
-        rig_numbers, numbers = (dict(leaves(settings.model_dump())) for settings in (scenario.rig, scenario))
+        rig_numbers, numbers = (
+            dict(Tree(settings.model_dump()).leaves()) for settings in (scenario.rig, scenario)
+        )
         if rig_numbers.get(name) != numbers.get(name):
             return f"{name} is given"
     if table == "limits":

@@ -21,7 +21,7 @@ from cranectl.controllers import (
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, PATH, REFERENCE
+from cranectl.signals import COLUMN, SignalGroup
 from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import LoopInputs, compiled_loop, python_loop
@@ -62,7 +62,7 @@ class Loop:
         Whether the compiled loop runs; the one in Python is slower and easy to debug.
     endless : bool
         Whether the run goes on after the end of the plan, whose last rows are then repeated.
-    records : tuple of ndarray, shapes (n, columns) and (n, PATH.width), optional
+    records : tuple of ndarray, shapes (n, columns) and (n, COLUMN.path_width), optional
         Where samples are recorded, without and with the signal path. Once these rows are full, the next
         samples overwrite them. By default each call of `advance` returns new arrays.
 
@@ -108,7 +108,7 @@ class Loop:
             drive=plant.drive,
             samples=len(plan.time_ns),
             nominal=nominal,
-            record=np.zeros((0, PATH.width)) if records is None else records[1],
+            record=np.zeros((0, COLUMN.path_width)) if records is None else records[1],
         )
         self.memory = controller.start.copy()
         self.samples, self.status, self.origin_ns = 0, RunStatus.RUNNING, 0
@@ -132,7 +132,7 @@ class Loop:
 
         `rows` has shape (N, 3) or (N, 9). Its copy is `inputs.controller.reference`.
         """
-        padded = np.zeros((len(rows), len(REFERENCE)))
+        padded = np.zeros((len(rows), len(SignalGroup.REFERENCE)))
         padded[:, : rows.shape[1]] = rows
         period, start = scenario.period_ns / NANOSECONDS, plan.initial_state
         nominal = Nominal(scenario.limited_rig, plant.drive, period, padded, start, {})
@@ -189,7 +189,7 @@ class Loop:
         -------
         tuple of ndarray
             Times [ns] (n,), the record without the signal path (n, columns), the reference (n, 15), and the
-            record of the signal path (n, PATH.width). The last one is the record itself without such a path.
+            record of the signal path (n, COLUMN.path_width), or the record itself without such a path.
         """
         samples = self._possible(samples)
         reference, disturbance, wind = rows or self._rows(samples)
@@ -228,7 +228,7 @@ class Loop:
         outside = ALL_CONTROLLERS.of_design(self.design) if is_outside else None
         zeros = np.zeros if outside is None else shared_zeros
         record = zeros((total - first, record_width(self.design)))
-        path_record = record if self.path is None else zeros((total - first, PATH.width))
+        path_record = record if self.path is None else zeros((total - first, COLUMN.path_width))
         self._records, self._row = (record, path_record), 0
         if self.path is not None:
             self.path = self.path._replace(record=path_record)
@@ -286,7 +286,7 @@ class Loop:
         """Return the rows of the record for the next samples, and the signal path with its rows."""
         if self._records is None:
             record = np.zeros((samples, record_width(self.design)))
-            path_record = np.zeros((0 if self.path is None else samples, PATH.width))
+            path_record = np.zeros((0 if self.path is None else samples, COLUMN.path_width))
         else:
             record, path_record = self._records
             if self._row + samples > len(record):

@@ -22,7 +22,7 @@ from cranectl.plants import (
     advance_addressed,
     measure_addressed,
 )
-from cranectl.signals import COLUMN, PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate.actuation import (
     Actuation,
     UnloadedDrives,
@@ -111,7 +111,7 @@ def control_sample(inputs, path, k, row, memory):
     if path is None:
         status = command_controller(inputs, path, row[COLUMN.state : COLUMN.state + 10], k, memory, row)
     else:
-        measured = path.record[k, : PATH.command]
+        measured = path.record[k, : COLUMN.path_command]
         sense(path, row, measured)
         status = command_controller(inputs, path, measured[:10], k, memory, row)
         if status == RUNNING:
@@ -119,7 +119,7 @@ def control_sample(inputs, path, k, row, memory):
             requested = drive_command(
                 actuation.masses, inputs.slack[0], inputs.command_column, measured, row, command
             )
-            act(path, actuation, inputs.integral, requested, row, path.record[k, PATH.command :])
+            act(path, actuation, inputs.integral, requested, row, path.record[k, COLUMN.path_command :])
     if status == RUNNING and inputs.unloaded.are_read:
         commands = row[COLUMN.input : COLUMN.input + 6]
         follow_set_points(inputs.unloaded, inputs.controller.velocity, commands)
@@ -135,7 +135,7 @@ def read_commands(inputs, path, k, row):
         first = inputs.command_column
         return row[first], row[first + 1], row[first + 2]
     else:  # noqa: RET505  the compiler leaves the other branch out only if there is an `else`
-        commanded = path.record[k, PATH.command :]
+        commanded = path.record[k, COLUMN.path_command :]
         return commanded[0], commanded[1], commanded[2]
 
 

@@ -10,14 +10,15 @@ from collections.abc import Iterable
 from cranectl.design import ControllerDesign
 from cranectl.plants import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
-from cranectl.signals import DISTURBANCE, REFERENCE, STATE, recorded_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate.run import Run, groups_of
-from cranectl.support import InputError, exact_seconds
+from cranectl.support import InputError, Quantity
 
 COPIES, NUMBER = 4, 8  # arrays at once, and [bytes] of a number
 MAX_BYTES = 2**32
 MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together
-PLANNED = 7 + len(REFERENCE) + len(STATE) + len(DISTURBANCE)  # columns of a plan, with time and wind
+# Columns of a plan, with time and wind.
+PLANNED = 7 + len(SignalGroup.REFERENCE) + len(SignalGroup.STATE) + len(SignalGroup.DISTURBANCE)
 
 
 def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
@@ -43,7 +44,7 @@ def check_several(
     scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0
 ) -> None:
     """Raise InputError if `what` takes too much memory: that many runs with all effects, and `columns`."""
-    whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
+    whole = sum(map(len, SignalGroup.recorded(design.groups, staged="velocity", forced=True)))
     _check([scenario], PLANNED + runs * whole + columns, what)
 
 
@@ -71,11 +72,12 @@ def _check(
     if needed <= max_bytes:
         return
     times, samples = math.ceil(needed / max_bytes), scenario.steps + 1
+    period = Quantity(_longer_period(scenario, times)).setting()
     raise InputError(
         f"{what} of {scenario.name} with {samples} control samples would take up to "
         f"{needed / 2**30:.3g} GiB of memory",
         allowed=f"at most {max_bytes / 2**30:g} GiB, which is {int(max_bytes / needed * samples)} samples",
-        remedy=f"set control.period to {exact_seconds(_longer_period(scenario, times))}, or shorten duration"
+        remedy=f"set control.period to {period}, or shorten duration"
         + (", or name fewer plants" if fewer_plants else ""),
     )
 

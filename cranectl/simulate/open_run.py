@@ -9,7 +9,7 @@ import numpy as np
 from cranectl.controllers import repeated_commands
 from cranectl.plants import DRIVES, FORCE, REFERENCE_PLANT, Plant, air_velocity
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import REFERENCE, STATE, TENSION
+from cranectl.signals import TENSION, SignalGroup, State
 from cranectl.simulate.loop import Loop
 from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
 from cranectl.simulate.run import Run
@@ -109,7 +109,7 @@ class OpenRun(SteppedMemory):
     @property
     def state(self) -> Array:
         """The present state, shape (10,), in the order of `signals.STATE`."""
-        state = np.empty(len(STATE))
+        state = np.empty(len(SignalGroup.STATE))
         self._plant.measure(state)
         return state
 
@@ -243,29 +243,29 @@ def begin(
         draw = np.random.default_rng(seed)
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
         if state is None:
-            state = np.zeros(len(STATE))
+            state = np.zeros(len(SignalGroup.STATE))
             low, high = scenario.reach.T
             margin = DRAWN_MARGIN * (high - low)
-            state[:5:2] = draw.uniform(low + margin, high - margin)
+            State(state).axes[:] = draw.uniform(low + margin, high - margin)
         if scenario.effects.wind:
             air = air_velocity(scenario.effects, len(plan.wind), scenario.period_ns / NANOSECONDS)
             plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
     if state is not None:
-        start = checked_numbers("state", state, len(STATE))
+        start = checked_numbers("state", state, len(SignalGroup.STATE))
         check_start(scenario, start, remedy="give a state inside it")
         plan = replace(plan, initial_state=start)
     controller = repeated_commands(DRIVES[plant.drive].command, "commands")
     loop = Loop.repeating(controller, np.zeros((1, 3)), scenario, plant, plan, endless=True, records=records)
-    loop.inputs.controller.measured[: len(STATE)] = np.nan
+    loop.inputs.controller.measured[: len(SignalGroup.STATE)] = np.nan
     return loop
 
 
 def rest_at(scenario: Scenario, target: Array) -> Array:
     """Return the reference (1, 15) that rests at `target` (3,); raise InputError if the load cannot."""
-    reference = np.zeros((1, len(REFERENCE)))
+    reference = np.zeros((1, len(SignalGroup.REFERENCE)))
     reference[0, :3] = target
-    hanging = np.zeros(len(STATE))
-    hanging[:5:2] = target * (1.0, 1.0, -1.0)
+    hanging = np.zeros(len(SignalGroup.STATE))
+    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)
     remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
     check_start(scenario, hanging, remedy=remedy, what="the target is")
     return reference

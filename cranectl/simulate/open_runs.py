@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cranectl.design import ControllerDesign
 from cranectl.plants import REFERENCE_PLANT, Plant, measure_addressed
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, PATH, STATE, TENSION
+from cranectl.signals import COLUMN, TENSION, SignalGroup
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
 from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_run import (
@@ -69,10 +69,14 @@ class OpenRuns(SteppedMemory):
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [(None, np.zeros(0))] * count  # Numba's type of each, and its numbers
         self._references = [plan.reference for plan in self._plans]
-        self._records = np.zeros((ROWS, record_width(ControllerDesign("")))), np.zeros((ROWS, PATH.width))
+        widths = record_width(ControllerDesign("")), COLUMN.path_width
+        self._records = np.zeros((ROWS, widths[0])), np.zeros((ROWS, widths[1]))
         self._commands = np.zeros((count, 3))
         self._clock, self._status = np.zeros((2, count), dtype=np.int64)
-        self._states, self._loads = np.zeros((count, len(STATE))), np.full((count, TENSION + 1), np.nan)
+        self._states, self._loads = (
+            np.zeros((count, len(SignalGroup.STATE))),
+            np.full((count, TENSION + 1), np.nan),
+        )
         self._rows = [np.zeros((ROWS, columns)) for columns in (15, 2, 6)]
         self.reset()
 

@@ -10,7 +10,7 @@ from cranectl.model import states_and_inputs
 from cranectl.plants import air_velocity
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
-from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, WORKSPACE_SIGNALS, Z
+from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
 from cranectl.simulate.memory import check_planned
 from cranectl.support import Array, InputError
 
@@ -103,11 +103,12 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
 def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "the run would start") -> None:
     """Raise InputError if `state` (10,) is outside the workspace, or has an angle of pi/2 or more."""
     low, high = scenario.rig.workspace.T
-    outside = (state[:5:2] < low - 1e-9) | (state[:5:2] > high + 1e-9)
-    if outside.any() or np.abs(state[[ALPHA, BETA]]).max() >= 0.5 * np.pi:
+    axes = State(state).axes
+    outside = (axes < low - 1e-9) | (axes > high + 1e-9)
+    if outside.any() or np.abs(State(state).angles).max() >= 0.5 * np.pi:
         worst = int(np.argmax([*outside, True]))
-        name = [*WORKSPACE_SIGNALS, "a cardan angle"][worst]
-        value = f" = {state[2 * worst]:.4g} m, of {low[worst]:g} to {high[worst]:g}" if worst < 3 else ""
+        name = [*State.AXIS_NAMES, "a cardan angle"][worst]
+        value = f" = {axes[worst]:.4g} m, of {low[worst]:g} to {high[worst]:g}" if worst < 3 else ""
         raise InputError(
             f"{what} outside the workspace: {name}{value}",
             allowed="positions within the rig's ranges, with angles within pi/2",
@@ -146,7 +147,7 @@ def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array
 def _check_speed(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) -> None:
     if scenario.effects.limits is None:
         return
-    speed, limits = np.abs(states[:, 1:6:2]), scenario.effects.limits.velocity
+    speed, limits = np.abs(State(states).axis_rates), scenario.effects.limits.velocity
     worst, axis = np.unravel_index(int(np.argmax(speed / limits)), speed.shape)
     if speed[worst, axis] > limits[axis]:
         raise InputError(
@@ -158,8 +159,8 @@ def _check_speed(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) 
 
 
 def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) -> None:
-    for axis, (name, (low, high)) in enumerate(zip(WORKSPACE_SIGNALS, scenario.rig.workspace, strict=True)):
-        position = states[:, 2 * axis]
+    for axis, (name, (low, high)) in enumerate(zip(State.AXIS_NAMES, scenario.rig.workspace, strict=True)):
+        position = State(states).axes[:, axis]
         excess = np.maximum(low - position, position - high)
         worst = int(np.argmax(excess))
         if excess[worst] > 1e-9:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import TENSION, SignalGroup, recorded_groups
+from cranectl.signals import TENSION, SignalGroup, State
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
 from cranectl.support import Array
@@ -17,12 +17,12 @@ from cranectl.support import Array
 def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
     """Return the groups of signals that a run records, in column order."""
     staged = DRIVES[drive].command if has_signal_path(scenario.effects, drive) else ""
-    return recorded_groups(design.groups, staged=staged, forced=scenario.forced)
+    return SignalGroup.recorded(design.groups, staged=staged, forced=scenario.forced)
 
 
 def record_width(design: ControllerDesign) -> int:
     """Return the number of columns of a run's record without those of its signal path."""
-    return sum(map(len, recorded_groups(design.groups)))
+    return sum(map(len, SignalGroup.recorded(design.groups)))
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,30 @@ class Run:
         return self.has("load") and len(self.block("load").T) > TENSION
 
     @property
+    def state(self) -> State:
+        """The states, with views by name; only axes if no angles were measured."""
+        return State(self.block("state" if self.has("state") else "axes"))
+
+    @property
     def angles(self) -> Array:
         """Cardan angles alpha, beta [rad], shape (N, 2); a view."""
-        return self.block("state")[:, 6::2]
+        return self.state.angles
+
+    @property
+    def commands(self) -> Array:
+        """Commands that arrive at the drives of bridge, trolley and rope, shape (N, 3); a view."""
+        return self.block("command")[:, :3]
+
+    @property
+    def reference_position(self) -> Array:
+        """Desired position of the load (x, y, z) [m], shape (N, 3); a view."""
+        return self.reference[:, :3]
+
+    @property
+    def load_residual(self) -> Array:
+        """How far the measured load is from the predicted one [m], shape (N,), in a predicted run."""
+        distance: Array = np.linalg.norm(self.block("residual")[:, 5:], axis=1)
+        return distance
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:

@@ -24,7 +24,7 @@ from cranectl.controllers import (
 )
 from cranectl.plants import DRIVES, FORCE, Drive
 from cranectl.scenario import NANOSECONDS, DriveLimits, EffectNumbers, EffectSettings, Scenario, Sensing
-from cranectl.signals import COLUMN, PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate.actuation import commands_at_start, drive_acceleration
 from cranectl.support import Array, jit
 
@@ -114,7 +114,7 @@ class SignalPath(NamedTuple):
     previous: Array  # (3,) last command after limits
     line: Array  # (samples of delay, 3) commands that have not arrived yet
     clock: NDArray[np.int64]  # (1,) samples since the start
-    record: Array  # (N, PATH.width)
+    record: Array  # (N, COLUMN.path_width)
 
 
 def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
@@ -173,7 +173,7 @@ def new_signal_path(
         previous=first.copy(),
         line=np.tile(first, (scenario.delay_samples, 1)),
         clock=np.zeros(1, dtype=np.int64),
-        record=np.zeros((samples, PATH.width)) if record is None else record,
+        record=np.zeros((samples, COLUMN.path_width)) if record is None else record,
     )
 
 

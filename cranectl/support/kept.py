@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cranectl.support.directories import cache_directory
-from cranectl.support.files import write_text
+from cranectl.support.files import File
 from cranectl.support.provenance import Provenance
 from cranectl.support.sources import imported_files, source_of, sources_digest
 
@@ -57,7 +57,7 @@ def _stored(kind: str, key: Any, compute: Callable[[], str]) -> str:
     text = compute()
     with contextlib.suppress(OSError):
         path.parent.mkdir(exist_ok=True)
-        write_text(path, f"{_digest(text)}\n{text}")
+        File(path).write_text(f"{_digest(text)}\n{text}")
     return text
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from cranectl.support.errors import InputError
-from cranectl.support.files import exists
+from cranectl.support.files import File
 
 _PACKAGE = Path(__file__).parents[1]
 _INSTALLED = _PACKAGE / "_data"
@@ -36,6 +36,11 @@ class Shipped:
     TOLERANCE_FILE: ClassVar = _ROOT / "validation" / "tolerances.toml"
     THESIS_FOLDER: ClassVar = _ROOT / "validation" / "thesis"
 
+    @staticmethod
+    def is_path(name_or_path: str) -> bool:
+        """Return True if the text is a path to a file: it has a directory or a file ending."""
+        return "/" in name_or_path or Path(name_or_path).suffix != ""
+
     def names(self) -> list[str]:
         """Return the names of the documents."""
         return sorted(path.stem for path in self.folder.glob("*.toml"))
@@ -45,15 +50,17 @@ class Shipped:
         names, path = self.names(), Path(name_or_path)
         if name_or_path in names:
             return self.folder / f"{name_or_path}.toml"
-        if exists(path) and path.is_dir():
+        if File(path).exists() and path.is_dir():
             raise InputError(
                 f"{name_or_path} is a directory",
                 allowed=f"a {self.kind} by name or the path of its file",
                 remedy="name a file in it, or another",
             )
-        if exists(path):
+        if File(path).exists():
             return path
-        beside = sorted(file.name for file in path.parent.glob("*.toml")) if exists(path.parent) else []
+        beside = (
+            sorted(file.name for file in path.parent.glob("*.toml")) if File(path.parent).exists() else []
+        )
         raise InputError(
             f"cannot read {name_or_path}: no such file or directory"
             if self.is_path(name_or_path)
@@ -62,11 +69,6 @@ class Shipped:
             remedy=InputError.did_you_mean(path.name, [*names, *beside])
             or "choose one of these, or correct the path",
         )
-
-    @staticmethod
-    def is_path(name_or_path: str) -> bool:
-        """Return True if the text is a path to a file: it has a directory or a file ending."""
-        return "/" in name_or_path or Path(name_or_path).suffix != ""
 
 
 Shipped.SCENARIOS = Shipped("scenario", _ROOT / "validation" / "scenarios")

@@ -1,90 +1,82 @@
-"""Show values with SI prefixes: 0.0123 m as 12.3 mm, with one unit for a column or an axis.
+"""Show values with SI prefixes: 0.0123 m as 12.3 mm, with one unit for a column or an axis."""
 
-Settings are shown without needless digits: 600000.0 as 600000, 1000000000.0 as 1e9.
-"""
-
-import json
 import math
 import re
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
-from typing import Any
+from typing import ClassVar
 
 PREFIXES = {6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}  # by power of ten
 FORCES = ("N", "Nm", "J", "W")  # thousands of these are shown as k; a path of 1200 m is not 1.2 km
-PROCESSOR_ROUNDING = 1e-9  # m, rad, N, ...: differences between runs that are smaller depend on the processor
 PLAIN = ("°", "1", "%", "", "kg")  # units without a prefix
 PREFIXED = re.compile(r"[cdhkMmµun](m|s|g|N|rad|A|V|W|J|Pa|Hz)\b")  # nor do those that have one, as mm
-
-
-def scaled(unit: str, largest: float) -> tuple[float, str]:
-    """Return the factor to the unit in which values up to `largest` are shown, and that unit."""
-    size = abs(largest)
-    if unit in PLAIN or PREFIXED.match(unit) or not 0.0 < size < math.inf:
-        return 1.0, unit
-    highest = max(PREFIXES) if unit in FORCES else 0
-    rounded = float(f"{size:.2e}")  # 0.9999 mm is shown as 1 mm
-    power = min(max(3 * math.floor(math.log10(rounded) / 3), min(PREFIXES)), highest)
-    return 10.0**-power, PREFIXES[power] + unit
-
-
-def exact_seconds(seconds: float) -> str:
-    """Return a time as a setting that can be typed: six digits may leave the grid of nanoseconds."""
-    return f"{seconds:.12g}"
-
-
-def at_least(value: float, digits: int = 3) -> str:
-    """Return a lower limit rounded up to `digits` digits, so that the text keeps the limit."""
-    return _rounded_text(value, ROUND_CEILING, digits)
-
-
-def at_most(value: float, digits: int = 3) -> str:
-    """Return an upper limit rounded down to `digits` digits, so that the text keeps the limit."""
-    return _rounded_text(value, ROUND_FLOOR, digits)
-
-
-def _rounded_text(value: float, rounding: str, digits: int) -> str:
-    exact = Decimal(repr(value))
-    last = Decimal(1).scaleb(exact.adjusted() - digits + 1)
-    return f"{float(exact.quantize(last, rounding)):.{digits}g}"
-
-
-def quantity(value: float, unit: str, digits: int = 3) -> str:
-    """Return `value` with `digits` digits and a prefixed unit, or with a power of ten."""
-    factor, prefixed = scaled(unit, value)
-    size = abs(factor * value)
-    if 0.0 < size < 1e-3:
-        mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
-        number, prefixed = f"{mantissa} · 10{str(int(exponent)).translate(_SUPERSCRIPTS)}", unit
-    else:
-        number = f"{factor * value:.0f}" if 1e3 <= size < math.inf else f"{factor * value:z#.{digits}g}"
-    space = "" if unit in ("°", "") else " "
-    return f"{number.rstrip('.')}{space}{prefixed}"
-
-
-def difference_text(value: float) -> str:
-    """Return a difference between two runs as text, in SI units: 2.2e-03, or < 1e-09.
-
-    Below 1e-9 it is made of rounding: its digits change with the processor, its size does not matter.
-    """
-    return f"< {PROCESSOR_ROUNDING:.0e}" if value < PROCESSOR_ROUNDING else f"{value:.1e}"
-
-
-def difference_in(value: float, unit: str) -> str:
-    """Return a difference between two runs with its unit, as `quantity`; < 1 nm where it is rounding."""
-    if abs(value) < PROCESSOR_ROUNDING:
-        return f"< {quantity(PROCESSOR_ROUNDING, unit, 1)}"
-    return quantity(value, unit)
-
-
-def plain(setting: Any) -> str:
-    """Return a value from TOML or JSON as text, long numbers with six digits."""
-    if isinstance(setting, list | tuple):
-        return f"[{', '.join(map(plain, setting))}]"
-    if not isinstance(setting, float):
-        return setting if isinstance(setting, str) else json.dumps(setting, ensure_ascii=False)
-    texts = [f"{setting:z.{digits}g}" for digits in range(6, 11)]
-    shortest = next((text for text in texts if float(text) == setting), texts[0])
-    return re.sub(r"e\+?(-?)0*", r"e\1", shortest)
-
-
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with its unit, and its texts."""
+
+    value: float
+    unit: str = ""
+
+    PROCESSOR_ROUNDING: ClassVar = 1e-9  # m, rad, N, ...: smaller differences between runs depend on it
+
+    def scale(self) -> tuple[float, str]:
+        """Return the factor to the unit in which values up to this one are shown, and that unit."""
+        size = abs(self.value)
+        if self.unit in PLAIN or PREFIXED.match(self.unit) or not 0.0 < size < math.inf:
+            return 1.0, self.unit
+        highest = max(PREFIXES) if self.unit in FORCES else 0
+        rounded = float(f"{size:.2e}")  # 0.9999 mm is shown as 1 mm
+        power = min(max(3 * math.floor(math.log10(rounded) / 3), min(PREFIXES)), highest)
+        return 10.0**-power, PREFIXES[power] + self.unit
+
+    def __str__(self) -> str:
+        """Return the value with three digits."""
+        return self.text()
+
+    def text(self, digits: int = 3) -> str:
+        """Return the value with `digits` digits and a prefixed unit, or with a power of ten."""
+        factor, prefixed = self.scale()
+        size = abs(factor * self.value)
+        if 0.0 < size < 1e-3:
+            mantissa, _, exponent = f"{self.value:.{digits - 1}e}".partition("e")
+            number, prefixed = f"{mantissa} · 10{str(int(exponent)).translate(_SUPERSCRIPTS)}", self.unit
+        elif 1e3 <= size < math.inf:
+            number = f"{factor * self.value:.0f}"
+        else:
+            number = f"{factor * self.value:z#.{digits}g}"
+        space = "" if self.unit in ("°", "") else " "
+        return f"{number.rstrip('.')}{space}{prefixed}"
+
+    def difference(self) -> str:
+        """Return a difference between two runs with its unit, as `text`; < 1 nm where it is rounding."""
+        if abs(self.value) < self.PROCESSOR_ROUNDING:
+            return f"< {Quantity(self.PROCESSOR_ROUNDING, self.unit).text(1)}"
+        return self.text()
+
+    def si_difference(self) -> str:
+        """Return a difference between two runs as text, in SI units: 2.2e-03, or < 1e-09.
+
+        Below 1e-9 it is made of rounding: its digits change with the processor, its size does not matter.
+        """
+        rounding = self.PROCESSOR_ROUNDING
+        return f"< {rounding:.0e}" if self.value < rounding else f"{self.value:.1e}"
+
+    def setting(self) -> str:
+        """Return a time as a setting that can be typed: six digits may leave the grid of nanoseconds."""
+        return f"{self.value:.12g}"
+
+    def at_least(self, digits: int = 3) -> str:
+        """Return a lower limit rounded up to `digits` digits, so that the text keeps the limit."""
+        return self._rounded(ROUND_CEILING, digits)
+
+    def at_most(self, digits: int = 3) -> str:
+        """Return an upper limit rounded down to `digits` digits, so that the text keeps the limit."""
+        return self._rounded(ROUND_FLOOR, digits)
+
+    def _rounded(self, rounding: str, digits: int) -> str:
+        exact = Decimal(repr(self.value))
+        last = Decimal(1).scaleb(exact.adjusted() - digits + 1)
+        return f"{float(exact.quantize(last, rounding)):.{digits}g}"

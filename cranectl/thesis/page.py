@@ -19,7 +19,7 @@ from cranectl.report.run.page import agreement, caption
 from cranectl.report.table import Cell, Table, cells
 from cranectl.report.theme import SERIES, WIDTH, canvas
 from cranectl.simulate import Run
-from cranectl.support import Shipped, read_toml
+from cranectl.support import TOML, Shipped
 from cranectl.thesis.reproduction import (
     FEEDBACK,
     ROBUSTIFIERS,
@@ -34,7 +34,7 @@ from cranectl.thesis.reproduction import (
 # Number of a scenario's first figure, the load in space. Per family, one figure for each feedback follows.
 FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
 # Title and note of each diagram; the note includes misprints of the thesis.
-DIAGRAMS: dict[str, dict[str, str]] = read_toml(Shipped.THESIS_FOLDER / "diagrams.toml")
+DIAGRAMS: dict[str, dict[str, str]] = TOML.read(Shipped.THESIS_FOLDER / "diagrams.toml")
 DIAGRAM_DIRECTORY = Shipped.THESIS_FOLDER / "diagrams"
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
 # In the order of the thesis's figures, beside "space"; FAMILIES has more, without a figure there.

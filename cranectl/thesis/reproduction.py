@@ -11,9 +11,9 @@ from cranectl.metrics import WorkspaceViolation, workspace_violations
 from cranectl.planning import load_scenario
 from cranectl.plants import Drive
 from cranectl.scenario import DesignSettings, Scenario
-from cranectl.signals import LOAD
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, plan_scenario, simulate_run
-from cranectl.support import Shipped, read_toml
+from cranectl.support import TOML, Shipped
 
 # The six controllers of the thesis, with its names; cranectl has more.
 FEEDBACK = {"pole-placement": "pole placement", "lqr": "LQR"}
@@ -222,7 +222,7 @@ def total_simulated_seconds() -> float:
 
 
 def _read_data(name: str) -> dict[str, Any]:
-    return read_toml(Shipped.THESIS_FOLDER / name)
+    return TOML.read(Shipped.THESIS_FOLDER / name)
 
 
 def _scenarios(tables: dict[str, dict[str, Any]]) -> list[Scenario]:
@@ -245,7 +245,7 @@ def _read_columns(run: Run, table: dict[str, Any]) -> dict[str, float]:
     """
     readings = {}
     for column, value in zip(table["columns"], table["rows"][run.design.name], strict=True):
-        group = "load" if column in LOAD.names else "input"
+        group = "load" if column in SignalGroup.LOAD.names else "input"
         rows = (run.time >= table.get("from", {}).get(column, 0.0)) & (run.time <= table["until"])
         signal = run.signal(f"{group}.{column}")[rows]
         extreme = signal.max() if value > 0.0 else signal.min()

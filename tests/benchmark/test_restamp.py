@@ -9,7 +9,7 @@ import pytest
 from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.table import FAILED
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.provenance import Provenance
 from validation.proofs import restamp
 
@@ -43,7 +43,7 @@ def test_equal_rows_get_new_digests(table: BenchmarkTable) -> None:
     assert stamped.about == {**table.about, "rules": rules}
     assert stamped.trials.keys() == table.trials.keys()
     for numbers in restamp.NUMBERS[0].glob("*.toml"):
-        assert read_toml(numbers)["rules"] == rules
+        assert TOML.read(numbers)["rules"] == rules
 
 
 def test_nothing_is_written_if_one_digit_differs(
@@ -57,7 +57,7 @@ def test_nothing_is_written_if_one_digit_differs(
     assert restamp.restamp(ROWS, []) == 1
     assert "rms_error_m" in capsys.readouterr().out
     assert restamp.TABLE.read_bytes() == before
-    assert all(read_toml(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
+    assert all(TOML.read(numbers)["rules"] == "old" for numbers in restamp.NUMBERS[0].glob("*.toml"))
 
 
 def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -> None:

@@ -22,7 +22,7 @@ from cranectl.campaign.definition import sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.report.benchmark.page import judged_divisions
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from docs.standings import of_bounds
 from tests.conftest import ROOT
 
@@ -272,7 +272,7 @@ def test_answers_about_two_controllers() -> None:
     """Numbers of sentences that people wrote, from tuned numbers, drawn cranes and final errors."""
     benchmark = read_benchmark("literature")
     name = "hierarchical-sliding-mode"
-    numbers = read_toml(FOLDER / "tuned" / f"{name}.toml")["parameters"]
+    numbers = TOML.read(FOLDER / "tuned" / f"{name}.toml")["parameters"]
     campaign = campaign_of(benchmark, Trial("published", "mujoco", "lab-rig", "standing-push", "lqr"))
     needed = []
     for values in sample_values(campaign, 0, campaign.runs):
@@ -291,7 +291,7 @@ def test_answers_about_two_controllers() -> None:
         == ("published", "mujoco", "lab-rig", "standing-push", name)
     ]
     assert f"it ends {min(ends):.2f} to {max(ends):.2f} m from its goal" in FLAT_PAGE
-    numbers = read_toml(FOLDER / "tuned" / "lqg.toml")["parameters"]
+    numbers = TOML.read(FOLDER / "tuned" / "lqg.toml")["parameters"]
     assert f"`sway_filter` is {numbers['controller.lqg.sway_filter']:.1f} instead" in FLAT_PAGE
     assert not any(any(CELLS["tuned", "lab-rig", s, "lqg"].failed) for s in RANKED)
     lost = {s: sum(CELLS["tuned", "hard", s, "lqg"].failed) for s in RANKED}

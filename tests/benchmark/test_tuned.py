@@ -13,8 +13,9 @@ from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read
 from cranectl.campaign.benchmark.trials import rules_of
 from cranectl.campaign.benchmark.tuned import tuned_settings
 from cranectl.cli.benchmark import measured_controllers
-from cranectl.support.documents import leaves, read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.provenance import Provenance
+from cranectl.support.trees import Tree
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from validation.proofs.freeze import freeze, frozen_seed
@@ -43,11 +44,11 @@ def test_controllers_had_equal_budgets_and_all_points_are_stored(benchmark: Benc
         for controller in measured_controllers(benchmark)
     }
     compiled = FOLDER / "tuned"
-    keys_by_controller["nmpc"] = list(read_toml(compiled / "nmpc.toml")["parameters"])
+    keys_by_controller["nmpc"] = list(TOML.read(compiled / "nmpc.toml")["parameters"])
     for controller, keys in keys_by_controller.items():
         stem = (compiled if controller == "nmpc" else TUNED) / controller
         table, points = (
-            read_toml(stem.with_suffix(".toml")),
+            TOML.read(stem.with_suffix(".toml")),
             parquet.read_table(stem.with_suffix(".parquet")),
         )
         cost = points["cost"].to_pylist()
@@ -66,7 +67,7 @@ def test_controllers_had_equal_budgets_and_all_points_are_stored(benchmark: Benc
 
 def test_no_chosen_numbers_are_worse_than_the_published_ones_in_validation() -> None:
     for path in TUNED.glob("*.toml"):
-        cost = (table := read_toml(path))["validation"]["cost"]
+        cost = (table := TOML.read(path))["validation"]["cost"]
         assert cost[table["chosen"]] <= cost["untuned"], path.stem
 
 
@@ -74,7 +75,7 @@ def test_standings_name_the_numbers_that_end_at_a_bound(benchmark: Benchmark) ->
     """Within 2 % of the range of the search; `test_standings.py` has those of the compiled `nmpc`."""
     at_bounds = {}
     for controller in measured_controllers(benchmark):
-        found = dict(leaves(read_toml(TUNED / f"{controller}.toml")["parameters"]))
+        found = dict(Tree(TOML.read(TUNED / f"{controller}.toml")["parameters"]).leaves())
         places = {
             variable.key.rpartition(f"{controller}.")[2].rpartition("loop_shaping.")[2].removeprefix("design."):
             variable._replace(start=found[variable.key]).start_position

@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.scenario.load import load_rig, rig_names, scenario_names
-from cranectl.support.documents import toml_text
+from cranectl.support.documents import TOML
 from tests.loaders.controller_files import LAW
 
 YARD = """\
@@ -96,7 +96,7 @@ def test_what_is_shown_is_the_rig_that_runs(name: str) -> None:
     """The numbers, written into a file of their own, are the same rig."""
     facts = info(name)
     assert facts["kind"] == "rig"
-    Path("whole.toml").write_text(toml_text(facts["rig"]), encoding="utf-8")
+    Path("whole.toml").write_text(TOML.text(facts["rig"]), encoding="utf-8")
     assert load_rig("whole.toml") == load_rig(name)
     assert set(info("whole.toml")["origins"].values()) == {"whole.toml"}
 

@@ -64,6 +64,8 @@ CASES = {
     "support/tables/columns.py": [
         Case("map another column, or write numbers", from_file("samples", "text.parquet", SI),
              from_file("samples", "own.parquet", SI)),
+    ],
+    "support/tables/head.py": [
         Case("write the file again, for example as CSV", from_file("samples", "cut.parquet", SI),
              from_file("samples", "own.parquet", SI)),
     ],
@@ -72,9 +74,11 @@ CASES = {
              [PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], duration=2.0}]"],
              [PLOT, "reference.segments=[{kind='move', to=[1.01, 0.77, -0.7]}]"]),
     ],
-    "support/documents.py": [
+    "support/trees.py": [
         Case("leave '{}' out", "duration.long=2.0", "duration=2.0"),
         Case(AN_ENTRY, "reference.start.3=0.8", "reference.start.1=0.8", "reference.start=[1.0, 0.8, -0.7]"),
+    ],
+    "support/documents.py": [
         Case("correct it at that place", "cranectl plan wrong.toml", "cranectl plan s.toml"),
         Case("name a {} file, or write the settings into one", "cranectl plan s.xml", "cranectl plan s.toml"),
     ],

@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
+from cranectl.cli.command import short_names
 from cranectl.cli.main import cli, main
 from tests.cli.option_cases import MANY, SHORT
 from tests.ranges import share_of
@@ -144,3 +145,9 @@ def test_an_odd_name_is_explained(
     assert "Traceback" not in error
     if code == 2:
         assert "Usage:" in error or ("found:" in error and "remedy:" in error), error
+
+
+@pytest.mark.parametrize("odd", ["", "/", ".."])
+def test_a_file_without_a_name_has_a_short_name(odd: str) -> None:
+    """It is refused where it is read; `report x.mcap ''` ended before that."""
+    assert short_names([Path("a/x.mcap"), Path(odd)])[0] == "x"

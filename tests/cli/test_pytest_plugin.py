@@ -13,7 +13,7 @@ import pytest
 from cranectl import Run, RunStatus, load_scenario, read_log
 from cranectl.cases import case as cases
 from cranectl.cases.assertions import CaseRuns, assert_agree
-from cranectl.support.units import quantity
+from cranectl.support.units import Quantity
 from tests.conftest import PAIR, ROOT, closed_loop
 from tests.docs.test_docs import blocks
 from tests.packages import PLUGIN, run_pytest
@@ -186,14 +186,14 @@ def test_failures_report_signal_time_difference_limit_and_log(repository: Path) 
         assert line in failures["test_limits"]
     analytic, _, mujoco = log("test_agree").values()
     difference = np.linalg.norm(analytic.load_position - mujoco.load_position, axis=1)
-    amount = f"by {quantity(difference.max(), 'm')} at {analytic.time[difference.argmax()]:g} s, limit "
+    amount = f"by {Quantity(difference.max(), 'm')} at {analytic.time[difference.argmax()]:g} s, limit "
     assert f"analytic and mujoco differ in load position {amount}" in failures["test_agree"]
     assert "differ in state.beta by " in failures["test_agree"]
     kept = repository / "golden/test_failing/test_golden-mass.mcap"
     golden, new = (runs["mujoco"] for runs in (read_log(kept), log("test_golden[mass]")))
     _, rows, _ = np.intersect1d(new.time_ns, golden.time_ns, return_indices=True)
     change = np.abs(new.signal("load.rope_tension")[rows] - golden.signal("load.rope_tension"))
-    amount = f"by {quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
+    amount = f"by {Quantity(change.max(), 'N')} at {golden.time[change.argmax()]:g} s, limit "
     assert f"mujoco differs from golden in load.rope_tension {amount}" in failures["test_golden[mass]"]
     assert "golden and new differ in rig.load_mass: 3.0 and 3.001" in failures["test_golden[mass]"]
     assert f"golden: {kept}" in failures["test_golden[mass]"]

@@ -24,7 +24,7 @@ from cranectl.plants import registry
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.resources import Shipped
 
 LIMITS = agreement_limits("ideal")
@@ -33,7 +33,7 @@ LONG = ["duration=4.0", "control.period=0.02", "control.physics_step=0.02"]
 
 
 def test_limits_come_with_reasons() -> None:
-    known = read_toml(Shipped.TOLERANCE_FILE)["closed-loop"]
+    known = TOML.read(Shipped.TOLERANCE_FILE)["closed-loop"]
     for table in (*known.pop("effects").values(), *known.values()):
         assert len(table["reason"]) > 50
 

@@ -26,7 +26,7 @@ from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
 from cranectl.simulate import linearised_controller
 from cranectl.support.arrays import Array
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from tests.benchmark.linear_loop import GRAVITY, PERIOD, loop_matrix, nominal_at
 from tests.conftest import ROOT, closed_loop
@@ -127,7 +127,7 @@ def test_it_is_certified_with_delay_observer_and_structure(
     lengths = (0.3, 0.5, 0.7, 1.0, 1.3)
     effects = [f"effects.{name}={{}}" for name in ("sensing", "rope", "body", "frame")]
     if numbers == "tuned":
-        tuned = read_toml(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
+        tuned = TOML.read(ROOT / "validation" / "benchmark" / "tuned" / f"{LAW}.toml")["parameters"]
         effects += [f"{key}={value}" for key, value in tuned.items()]
     options = [f"--rope-length={length}" for length in lengths] + [f"--set={effect}" for effect in effects]
     assert main(["certify", LAW, "--delay", "0.008", *options]) == 0

@@ -17,15 +17,15 @@ from cranectl.export.plant import DRIVEN, plant_model
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import LOAD, REFERENCE, STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.support.arrays import Array
 from tests.export.fmus import Instance
 
 COMMANDS = [f"command.{axis}" for axis in DRIVEN]
-STATES = [f"state.{name}" for name in STATE.names]
-LOADS = [f"load.{name}" for name in LOAD.names[:6]]
-REFERENCES = [f"reference.{name}" for name in REFERENCE.names]
+STATES = [f"state.{name}" for name in SignalGroup.STATE.names]
+LOADS = [f"load.{name}" for name in SignalGroup.LOAD.names[:6]]
+REFERENCES = [f"reference.{name}" for name in SignalGroup.REFERENCE.names]
 SHORT = ["duration=4", "disturbances=[]"]
 ROUNDING = 1e-12  # [m, rad, m/s, rad/s] of force drives, see above
 

@@ -14,7 +14,7 @@ from cranectl.export.fmu import fmu_archive
 from cranectl.export.plant import DRIVEN, plant_model
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
-from cranectl.signals import LOAD, REFERENCE, STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.support.errors import InputError
 from tests.export.exported import prepared
@@ -69,13 +69,15 @@ def test_against_the_fmu_of_a_plant_it_gives_the_numbers_of_the_log(
     crane = tmp_path / "crane.fmu"
     crane.write_bytes(fmu_archive(plant_model(scenario, plant, drive), 2))
     controller, plant_instance = Instance(path, tmp_path / "c"), Instance(crane, tmp_path / "p")
-    states = [f"state.{each}" for each in STATE.names]
-    watched = [*states, *(f"load.{each}" for each in LOAD.names[:6])]
+    states = [f"state.{each}" for each in SignalGroup.STATE.names]
+    watched = [*states, *(f"load.{each}" for each in SignalGroup.LOAD.names[:6])]
     plan, period, seen = plan_scenario(scenario), scenario.period_ns * 1e-9, []
     for row in plan.reference:
         seen.append(plant_instance.get(watched))
         controller.set(dict(zip(states, seen[-1][:10], strict=True)))
-        controller.set({f"reference.{each}": x for each, x in zip(REFERENCE.names, row, strict=True)})
+        controller.set(
+            {f"reference.{each}": x for each, x in zip(SignalGroup.REFERENCE.names, row, strict=True)}
+        )
         controller.step(period)
         plant_instance.set(dict(zip(COMMANDS, controller.get(COMMANDS), strict=True)))
         plant_instance.step(period)

@@ -15,7 +15,7 @@ from cranectl.export.plant import DRIVEN, plant_model
 from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import LOAD, STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import plan_scenario, simulate_run
 from cranectl.support.errors import InputError
 from tests.export.fmus import Instance, symbols
@@ -37,8 +37,8 @@ CASES = {
     "elastic, rigid": ("elastic", "force", ["effects.friction={}"]),
 }
 MODELS: dict[str, Model] = {}  # as they are compiled
-STATES = [f"state.{name}" for name in STATE.names]
-LOADS = [f"load.{name}" for name in LOAD.names]
+STATES = [f"state.{name}" for name in SignalGroup.STATE.names]
+LOADS = [f"load.{name}" for name in SignalGroup.LOAD.names]
 OF_C = {"calloc", "free", "strcmp", "strlen", "memcpy", "memset", "sin", "cos", "sincos", "tanh", "floor"}
 OF_C |= {"fmax", "vsnprintf"}
 SECURED = {"__stack_chk_fail", "__vsnprintf_chk"}  # by compilers of some distributions
@@ -148,7 +148,7 @@ def compare_with_plant(case: str, path: Path) -> None:
     assert len(parameters) > 11
     values = {v.name: v.start * random.uniform(0.8, 1.3) + random.uniform(0.0, 0.01) for v in parameters}
     made, start = numbers.plant(values), numbers.start.copy()
-    for k, name in enumerate(STATE.names):
+    for k, name in enumerate(SignalGroup.STATE.names):
         start[k] = values.get(f"start.{name}", start[k])
     made.reset(start)
     crane = Instance(path, path.with_suffix(""), **values)

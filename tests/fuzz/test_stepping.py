@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import cranectl
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.simulate.open_run import OpenRun
 from cranectl.simulate.open_runs import OpenRuns
@@ -113,7 +113,7 @@ def check_result(result: Any) -> None:
     if isinstance(result, Run):
         assert np.isfinite(result.time).all()
     else:
-        assert result.shape[-1] == len(STATE)
+        assert result.shape[-1] == len(SignalGroup.STATE)
 
 
 def motion(run: OpenRun | OpenRuns) -> bytes:

@@ -13,7 +13,7 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.recorded import Driven
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.documents import MAX_DOCUMENT_BYTES, toml_text
+from cranectl.support.documents import MAX_DOCUMENT_BYTES, TOML
 from cranectl.support.errors import InputError
 from tests.controllers.own_controllers import FOLLOWING, known
 
@@ -163,6 +163,6 @@ def test_too_many_commands_end_driving_by_hand_at_rest() -> None:
     with pytest.raises(InputError, match="too long for a scenario that repeats it"):
         hand.follow(Driven.MAX_CHANGES, HandRequest(False, 0.2, 0.0, 0.0))
     assert np.array_equal(hand.rows(np.arange(20_000, 35_000))[-1, 3:] < 1e-12, np.full(12, True))
-    text = toml_text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
+    text = TOML.text(hand.scenario(35_000, "lqr").model_dump(exclude_unset=True))
     assert len(text) < MAX_DOCUMENT_BYTES
     assert len(hand.scenario(35_000, "lqr").reference.segments[-1].wishes) <= Driven.MAX_CHANGES

@@ -32,7 +32,7 @@ from cranectl.log.reader import describe_log, read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import DISTURBANCE, STATE
+from cranectl.signals import SignalGroup
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
@@ -112,7 +112,7 @@ def live_session(
 
 
 def states(viewer: Viewer, plant: str = "mujoco") -> np.ndarray:
-    return decode_rows([data for _, data in viewer.of(f"/{plant}/state")], len(STATE))
+    return decode_rows([data for _, data in viewer.of(f"/{plant}/state")], len(SignalGroup.STATE))
 
 
 def test_topics_services_and_parameters_are_advertised(tmp_path: Path, short: Scenario) -> None:
@@ -267,7 +267,9 @@ def test_a_pulse_moves_the_load_and_a_reset_returns_it(tmp_path: Path) -> None:
         assert viewer.call("/pulse")["message"]
         viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 3)
         viewer.wait_for("/mujoco/status", lambda message: message.disturbed == 0)
-        disturbances = decode_rows([data for _, data in viewer.of("/mujoco/disturbance")], len(DISTURBANCE))
+        disturbances = decode_rows(
+            [data for _, data in viewer.of("/mujoco/disturbance")], len(SignalGroup.DISTURBANCE)
+        )
         assert set(map(tuple, disturbances.tolist())) == {(0.0, 0.0), (3.0, -2.0)}
         assert (disturbances[:, 0] > 0.0).sum() == 50, "expected 0.2 s at 250 Hz"
         updates = viewer.decoded("/mujoco/disturbance_arrow")

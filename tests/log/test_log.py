@@ -23,7 +23,7 @@ from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from cranectl.support.units import difference_text
+from cranectl.support.units import Quantity
 from tests.conftest import closed_loop, cut
 from tests.controllers.test_flat import robust_design
 from tests.log.viewer import decode_rows, message_type, messages_of
@@ -99,7 +99,9 @@ def test_distance_and_verdict_match_the_comparison(log: Path, runs: dict[str, Ru
     assert largest[0] < 1e-9
     assert verdict.load == "< 1e-09 m, limit 1e-07 m"
     for row in comparison.signals:
-        assert f"{difference_text(row.max_abs)} {row.unit}" in getattr(verdict, row.signal.replace(".", "_"))
+        assert f"{Quantity(row.max_abs).si_difference()} {row.unit}" in getattr(
+            verdict, row.signal.replace(".", "_")
+        )
 
 
 def test_protobuf_decodes_the_same_values(log: Path) -> None:

@@ -23,7 +23,7 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import colours
+from cranectl.support.colours import Palette
 from cranectl.support.resources import Shipped
 from tests.conftest import closed_loop, cut
 from tests.log.viewer import message_type
@@ -145,7 +145,7 @@ def test_the_scene_has_the_solids_of_the_mjcf_and_a_ghost(scene: Messages) -> No
     assert set(ghost) == {"bridge", "trolley", "load"}, "the frame is drawn once, for the solid crane"
     assert {shape.color.a for shapes in solid.values() for shape in shapes} == {1.0}
     assert all(0.0 < shape.color.a < 0.5 for shapes in ghost.values() for shape in shapes)
-    tint = colours.rgb(colours.VIEWER[PLANTS["analytic"].colour])
+    tint = Palette.VIEWER.rgb(PLANTS["analytic"].colour)
     assert {rgb(shape.color) for shapes in ghost.values() for shape in shapes} == {tint}
     (ball,) = (shape for shape in solid["load"] if vector(shape.size) == pytest.approx([0.1] * 3))
     assert vector(ball.pose.position) == pytest.approx(np.zeros(3), abs=1e-12)
@@ -279,7 +279,7 @@ def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
     for name, panel in json.loads(layout_json(layout))["configById"].items():
         if name.startswith("Plot"):
             for line in panel["paths"]:
-                by_topic[line["value"].split("/")[1]].add(colours.rgb(line["color"]))
+                by_topic[line["value"].split("/")[1]].add(Palette.LIGHT.rgb(line["color"]))
     return by_topic
 
 
@@ -289,11 +289,11 @@ def test_trails_and_plots_have_the_same_colours(scene: Messages) -> None:
         shades = {
             rgb(c) for _, update in scene[f"/{plant}/trail"] for c in update.entities[0].lines[0].colors
         }
-        assert shades == {colours.rgb(colours.VIEWER[PLANTS[plant].colour])}
+        assert shades == {Palette.VIEWER.rgb(PLANTS[plant].colour)}
         assert shades == plots[plant]
     ((_, path),) = scene["/reference/path"]
-    assert rgb(path.entities[0].lines[0].color) == colours.rgb(colours.VIEWER["reference"])
-    assert colours.rgb(colours.VIEWER["reference"]) in plots["reference"]
+    assert rgb(path.entities[0].lines[0].color) == Palette.VIEWER.rgb("reference")
+    assert Palette.VIEWER.rgb("reference") in plots["reference"]
 
 
 def test_every_level_of_a_ladder_has_one_colour(short: Scenario, tmp_path: Path) -> None:

@@ -5,7 +5,8 @@ import signal
 import time
 from pathlib import Path
 
-from cranectl.support.tables.columns import ReadColumn, TableHead
+from cranectl.support.tables.columns import ReadColumn
+from cranectl.support.tables.head import TableHead
 
 
 def die(_: Path, where: str) -> TableHead:

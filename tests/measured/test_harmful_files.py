@@ -23,7 +23,7 @@ from cranectl.measured.suggestion import suggest_map
 from cranectl.measured.tables import read_head
 from cranectl.support.children import Child
 from cranectl.support.errors import InputError, MachineError
-from cranectl.support.tables.text import read_text
+from cranectl.support.tables.head import TableHead
 from tests.measured import bad_readers
 from tests.measured.test_files import write_parquet, write_ros_1
 from tests.measured.test_formats import TEXTS, excel, hdf5_table, json_messages, matlab_7_3, savemat_4
@@ -111,7 +111,7 @@ def test_damaged_texts_are_read_or_refused(tmp_path: Path) -> None:
             else:
                 del content[place : place + source.randint(1, 80)]
         try:
-            head = read_text(bytes(content), "the text")
+            head = TableHead.of_text(bytes(content), "the text")
             for k in range(len(head.names)):
                 head.read(k)
         except InputError:

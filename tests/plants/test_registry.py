@@ -8,7 +8,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.plants import registry
 from cranectl.plants.registry import PLANTS, Plants, register_plant
-from cranectl.support.colours import LIGHT, VIEWER
+from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 
 
@@ -18,8 +18,8 @@ def test_a_plant_is_what_its_entry_says(name: str) -> None:
     assert entry.name == name
     if entry.by_default:
         assert entry.load().name == name
-    assert entry.colour in LIGHT
-    assert entry.colour in VIEWER
+    assert entry.colour in Palette.LIGHT
+    assert entry.colour in Palette.VIEWER
 
 
 @pytest.fixture

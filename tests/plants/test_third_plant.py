@@ -18,9 +18,9 @@ from cranectl.log.overlay import read_layers
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
-from cranectl.support.colours import VIEWER
+from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
-from cranectl.support.units import quantity
+from cranectl.support.units import Quantity
 from tests.packages import install, run_all_beside
 
 SOURCE = """\
@@ -137,7 +137,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
         for a, b in against_reference(list(runs.values()))
     )
-    assert (f"plants apart by {quantity(farthest, 'm')}", "muted") in readings(timeline, timeline.duration)
+    assert (f"plants apart by {Quantity(farthest, 'm')}", "muted") in readings(timeline, timeline.duration)
     assert main(["report", str(log), "--out", "three.html"]) == 0
     page = Path("three.html").read_text()
     for plant in ("analytic", "heavy"):
@@ -200,8 +200,8 @@ def test_its_log_can_be_read_without_its_package(log: Path, tmp_path: Path) -> N
     assert "three: mujoco minus heavy" in page
     layout = (tmp_path / "three.json").read_text()
     assert "tons of bricks status" in layout
-    assert VIEWER["series-5"] not in layout
-    assert VIEWER["series-4"] in layout
+    assert Palette.VIEWER["series-5"] not in layout
+    assert Palette.VIEWER["series-4"] in layout
     assert [*read_layers(tmp_path / "both.mcap")] == ["light", "heavier"]
     assert "heavy" in (tmp_path / "one.json").read_text()
     table = np.genfromtxt(tmp_path / "three.csv", delimiter=",", names=True)

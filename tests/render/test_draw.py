@@ -13,7 +13,7 @@ from PIL import Image, ImageSequence
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.render.draw import draw_runs, render_settings, write_mp4
-from cranectl.support.colours import LIGHT, rgb
+from cranectl.support.colours import Palette
 
 SHORT = ["--set", "duration=0.6", "--set", "disturbances.0.start=0.1", "--set", "disturbances.1.start=0.2"]
 SMALL = ["--size", "400x300"]
@@ -81,9 +81,9 @@ def test_an_mp4_has_a_common_format_and_shows_the_drawn_pictures() -> None:
 
 def test_colours_survive_the_encoding() -> None:
     """Flat ones, as edges lose some. In another matrix or range they would be off by 10."""
-    bars = np.zeros((64, 64 * len(LIGHT), 3), np.uint8)
-    for k, colour in enumerate(LIGHT.values()):
-        bars[:, 64 * k : 64 * (k + 1)] = np.array(rgb(colour)) * 255.0 + 0.5
+    bars = np.zeros((64, 64 * len(Palette.LIGHT), 3), np.uint8)
+    for k, colour in enumerate(Palette.LIGHT.values()):
+        bars[:, 64 * k : 64 * (k + 1)] = np.array(Palette.LIGHT.rgb(colour)) * 255.0 + 0.5
     write_mp4(Path("bars.mp4"), [Image.fromarray(bars)] * 2, 25.0, (bars.shape[1], 64))
     with av.open("bars.mp4") as container:
         frame = next(container.decode(video=0))

@@ -9,12 +9,12 @@ from PIL import Image
 from cranectl.plants.registry import PLANTS
 from cranectl.render.plots import Plots
 from cranectl.render.timeline import timeline_of
-from cranectl.support.colours import LIGHT, rgb
+from cranectl.support.colours import Palette
 from tests.conftest import closed_loop, cut
 from tests.render.pictures import both_runs, moving_run
 
 SIZE = (480, 720)
-ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
+ANALYTIC, MUJOCO = (Palette.LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
 
 
 def strip(plots: Plots, time: float) -> np.ndarray:
@@ -25,12 +25,12 @@ def strip(plots: Plots, time: float) -> np.ndarray:
 
 def has(picture: np.ndarray, colour: str) -> np.ndarray:
     """Which pixels are of a colour."""
-    return (np.abs(picture - np.array(rgb(colour)) * 255.0) < 12).all(axis=2)
+    return (np.abs(picture - np.array(Palette.LIGHT.rgb(colour)) * 255.0) < 12).all(axis=2)
 
 
 def cursor(picture: np.ndarray) -> int:
     """The one column with a dark line through all panels."""
-    return int(np.argmax(has(picture, LIGHT["ink"]).sum(axis=0)))
+    return int(np.argmax(has(picture, Palette.LIGHT["ink"]).sum(axis=0)))
 
 
 def test_the_cursor_moves_evenly_with_time() -> None:
@@ -87,4 +87,4 @@ def test_a_run_that_ends_before_a_disturbance_is_drawn_without_it() -> None:
     run = cut(closed_loop("settled-trajectory", "lqr", "analytic"), 500)
     assert run.scenario.disturbances[0].start > run.time[-1]
     picture = strip(Plots(timeline_of({"analytic": run}), *SIZE), 0.2)
-    assert not has(picture, LIGHT["series-4"]).any()
+    assert not has(picture, Palette.LIGHT["series-4"]).any()

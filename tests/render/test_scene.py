@@ -11,7 +11,7 @@ from cranectl.render.draw import CAMERAS
 from cranectl.render.scene import renderer
 from cranectl.render.timeline import timeline_of
 from cranectl.signals import COLUMN
-from cranectl.support.colours import LIGHT, SLACK_ROPE, rgb
+from cranectl.support.colours import Palette
 from cranectl.support.resources import Shipped
 from tests.render.pictures import (
     HEIGHT,
@@ -28,12 +28,12 @@ from tests.render.pictures import (
     shift_run,
 )
 
-ANALYTIC, MUJOCO = (LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
+ANALYTIC, MUJOCO = (Palette.LIGHT[PLANTS[name].colour] for name in ("analytic", "mujoco"))
 
 
 def nearness(colour: np.ndarray, hue: str) -> float:
     """How far a pixel's tint agrees with that of a colour: 1 the same, 0 none, negative the opposite."""
-    a, b = (np.asarray(c) - np.mean(c) for c in (colour, np.array(rgb(hue)) * 255.0))
+    a, b = (np.asarray(c) - np.mean(c) for c in (colour, np.array(Palette.LIGHT.rgb(hue)) * 255.0))
     return float(a @ b / (b @ b))
 
 
@@ -112,7 +112,7 @@ def test_the_rope_turns_red_before_it_is_slack(tension: float, slack: bool) -> N
     middle = (np.array([x, y, 0.0]) + run.load_position[row]) / 2.0
     line, column = pixel(middle, "side")
     rope = min(picture[line, column - 2 : column + 3], key=lambda colour: colour[2])  # the least blue
-    assert (nearness(rope, SLACK_ROPE) > 0.4) == slack
+    assert (nearness(rope, Palette.VIEWER["slack-rope"]) > 0.4) == slack
     if not slack:
         assert rope.max() < 120
 
@@ -128,8 +128,8 @@ def test_the_marker_is_where_the_load_should_be() -> None:
     run = moving_run("mujoco")
     picture = draw({"mujoco": run}, 9.0)
     row = sample_at(run, 9.0)
-    assert nearness(patch(picture, run.reference[row, :3]), LIGHT["series-3"]) > 0.5
-    assert nearness(patch(picture, run.load_position[row]), LIGHT["series-3"]) < 0.0
+    assert nearness(patch(picture, run.reference[row, :3]), Palette.LIGHT["series-3"]) > 0.5
+    assert nearness(patch(picture, run.load_position[row]), Palette.LIGHT["series-3"]) < 0.0
 
 
 def test_the_path_is_dashed_and_the_trail_is_behind_the_load() -> None:

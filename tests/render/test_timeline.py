@@ -12,7 +12,7 @@ from cranectl.signals import COLUMN
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from cranectl.support.units import quantity
+from cranectl.support.units import Quantity
 from tests import conftest
 from tests.render.pictures import both_runs, moving_run, sample_at, shift_run
 
@@ -109,7 +109,11 @@ def test_runs_of_an_overlay_are_named_by_their_labels() -> None:
     off = f"{1e6 * timeline.main.error[timeline.main.row(5.0)]:.3g} µm"
     far = timeline.tracks[1].error[timeline.tracks[1].row(5.0)]
     lines = [text for text, _ in readings(timeline, 5.0)]
-    assert lines == [f"soft off by {off}", f"stiff off by {quantity(far, 'm')}", "others up to 250 mm away"]
+    assert lines == [
+        f"soft off by {off}",
+        f"stiff off by {Quantity(far, 'm')}",
+        "others up to 250 mm away",
+    ]
     texts = [text for _, text in legend(timeline)]
     assert {"soft: solid", "stiff: ghost"} <= {*texts}
     assert not any("plant" in text for text in texts)

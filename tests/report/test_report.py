@@ -26,10 +26,10 @@ from cranectl.report.run.first_screen import first_screen_of
 from cranectl.report.run.page import agreement, caption, log_page
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import STAND_IN
-from cranectl.signals import RESIDUAL, measured_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support.colours import COLOURS, LIGHT
+from cranectl.support.colours import Palette
 from tests.conftest import PAIR, closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -108,8 +108,8 @@ def runs() -> dict[str, Run]:
 # Families of figures of simulated runs, and the groups that only measured and predicted runs have.
 SIMULATED = [name for name, family in FAMILIES.items() if family.group not in ("axes", "residual")]
 MEASURED_GROUPS = {
-    "axes": measured_groups("", angles=False, load=False),
-    "residual": (RESIDUAL,),
+    "axes": SignalGroup.measured("", angles=False, load=False),
+    "residual": (SignalGroup.RESIDUAL,),
 }
 
 
@@ -135,7 +135,10 @@ def test_a_figure_shows_all_plants_in_colours_of_the_page_and_is_the_same_each_t
     family, runs = FAMILIES[name], with_signals(name, runs)
     svg = family_svg(family, curves(runs))
     ElementTree.fromstring(svg)
-    assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {"none", *(f"var(--{c})" for c in COLOURS)}
+    assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {
+        "none",
+        *(f"var(--{c})" for c in Palette.LIGHT),
+    }
     assert svg == family_svg(family, curves(runs))
     plain = re.sub('<tspan dy=".25em"[^>]*>(.*?)</tspan><tspan.*?</tspan>', r"_\1", svg)
     for text in ("analytic", "MuJoCo", "lqr", *(panel.label for panel in family.panels)):
@@ -327,7 +330,7 @@ def test_each_figure_of_a_report_is_saved_as_a_file(capsys: pytest.CaptureFixtur
         assert b"var(" not in content
         assert set(re.findall(rb"(?:fill|stroke): ([^;\"]+)", content)) <= {
             b"none",
-            *map(str.encode, LIGHT.values()),
+            *map(str.encode, Palette.LIGHT.values()),
         }
     assert main(["report", "run.mcap", "--figures", "a/b"]) == 0
     assert files == {path.name: path.read_bytes() for path in Path("a/b").iterdir()}

@@ -15,8 +15,8 @@ from cranectl.metrics.limits import judge_limits, limits_of
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
-from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError
+from cranectl.support.trees import Tree
 from tests.conftest import ROOT
 from tests.ranges import Key, ends, put, share_of
 
@@ -112,7 +112,7 @@ def test_a_run_is_finite_and_whole_or_is_refused_with_what_to_do(case: tuple[str
         assert run.time_ns[-1] == run.scenario.steps * run.scenario.period_ns
     metrics = run_metrics(run)
     assert metrics is not None
-    numbers = [value for _, value in leaves(metrics.to_json()) if isinstance(value, float)]
+    numbers = [value for _, value in Tree(metrics.to_json()).leaves() if isinstance(value, float)]
     assert not any(map(math.isnan, numbers))
     for verdict in judge_limits(metrics, limits_of(run.scenario, ["analytic"])["analytic"]):
         assert isinstance(verdict.kept, bool)

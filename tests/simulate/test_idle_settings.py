@@ -28,8 +28,8 @@ from cranectl.scenario.load import read_scenario
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import simulate_run
 from cranectl.simulate.idle_settings import RunKind, idle_settings
-from cranectl.support.documents import leaves
 from cranectl.support.errors import InputError
+from cranectl.support.trees import Tree
 from tests.campaign.test_without_effect import other_value
 from tests.campaign.test_without_effect import overrides_of as shown_by
 from tests.conftest import PLANTS
@@ -140,7 +140,7 @@ def settings_of(plant: str, drive: str) -> dict[str, Any]:
     """Return another value of each setting that runs on the plant can have."""
     scenario = load_scenario(SCENARIO, overrides=overrides_of(plant, drive))
     assumed = scenario.model_dump(mode="json", exclude={"reference", "planning", "controller"})
-    values = {name: other(name, value) for name, value in leaves(assumed)}
+    values = {name: other(name, value) for name, value in Tree(assumed).leaves()}
     return {name: value for name, value in {**values, **parameters()}.items() if value is not None}
 
 

@@ -6,7 +6,7 @@ import pytest
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.signals import PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate import Loop, open_run, simulate_run
 from cranectl.simulate.plan import plan_scenario
 from cranectl.simulate.run import record_width
@@ -32,7 +32,7 @@ def make_loop(scenario: Scenario, plant: str = "analytic", *, endless: bool = Fa
     """Return a new loop; `rows` is the number of rows of its records, or 0 for new arrays at each call."""
     design, plan = ALL_CONTROLLERS.design(CONTROLLER, scenario), plan_scenario(scenario)
     controller = prepare_controller(scenario, design, DRIVE, plan)
-    records = np.zeros((rows, record_width(design))), np.zeros((rows, PATH.width))
+    records = np.zeros((rows, record_width(design))), np.zeros((rows, COLUMN.path_width))
     return Loop(
         scenario, make_plant(plant, scenario, DRIVE), controller, plan, design=design, endless=endless,
         records=records if rows else None,

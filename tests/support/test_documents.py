@@ -10,24 +10,10 @@ import pytest
 
 from cranectl.planning import load_scenario
 from cranectl.scenario.load import scenario_names
-from cranectl.support.documents import (
-    MAX_BITS,
-    MAX_DEPTH,
-    MAX_DOCUMENT_BYTES,
-    assign,
-    differences,
-    format_of,
-    leaves,
-    mapped,
-    merged,
-    parse_json,
-    parse_toml,
-    read_json,
-    read_toml,
-    toml_text,
-    toml_value,
-)
+from cranectl.support.documents import JSON, MAX_BITS, MAX_DOCUMENT_BYTES, TOML
 from cranectl.support.errors import InputError
+from cranectl.support.file_kinds import FileKind
+from cranectl.support.trees import Tree
 from tests.pace import within
 
 SECOND = 1.0  # [s] of the processor for a MiB, more on a slow machine
@@ -59,25 +45,25 @@ DEEP_JSON = ["[" * 20_000, '{"a":' * 5000 + "1" + "}" * 5000, "[" * 40 + "]" * 4
 
 @pytest.mark.parametrize(
     ("parse", "text"),
-    [*((parse_toml, text) for text in DEEP_TOML), *((parse_json, text) for text in DEEP_JSON)],
+    [*((TOML.parse, text) for text in DEEP_TOML), *((JSON.parse, text) for text in DEEP_JSON)],
 )
 def test_deep_documents_are_refused(parse: Callable[[str, str], Any], text: str) -> None:
     error = in_time(lambda: parse(text, "deep"))
     assert "deep nests" in error.found
-    assert str(MAX_DEPTH) in error.allowed
+    assert str(TOML.MAX_DEPTH) in error.allowed
 
 
 def test_what_is_not_deep_is_read() -> None:
     text = 'x = "' + "a." * 100 + '"\n# ' + "a." * 100 + "\ny = [" + "1.5, " * 100 + "]"
-    assert parse_toml(text, "f.toml")["y"] == [1.5] * 100
-    assert parse_json("[" * 30 + "]" * 30, "f.json") is not None
-    assert toml_value("a." * 100, "--set") == "a." * 100
+    assert TOML.parse(text, "f.toml")["y"] == [1.5] * 100
+    assert JSON.parse("[" * 30 + "]" * 30, "f.json") is not None
+    assert TOML.value("a." * 100, "--set") == "a." * 100
 
 
 def test_every_whole_number_that_is_allowed_becomes_a_float() -> None:
-    assert math.isfinite(float(parse_toml(f"x = {2**MAX_BITS - 1}", "f.toml")["x"]))
+    assert math.isfinite(float(TOML.parse(f"x = {2**MAX_BITS - 1}", "f.toml")["x"]))
     with pytest.raises(InputError, match="hundreds of digits"):
-        parse_toml(f"x = {2**MAX_BITS}", "f.toml")
+        TOML.parse(f"x = {2**MAX_BITS}", "f.toml")
     with pytest.raises(InputError, match=r"rig\.load_mass"):
         load_scenario("fixed-position", overrides=[f"rig.load_mass={2**MAX_BITS - 1}"])
 
@@ -100,8 +86,8 @@ def test_odd_values_of_set_are_refused_shortly(override: list[str], found: str) 
 
 
 def test_odd_values_of_json_are_refused() -> None:
-    assert "not valid JSON" in in_time(lambda: parse_json("9" * 5000, "j")).found
-    assert "surrogates" in in_time(lambda: parse_json('{"title": "\\ud800"}', "j")).found
+    assert "not valid JSON" in in_time(lambda: JSON.parse("9" * 5000, "j")).found
+    assert "surrogates" in in_time(lambda: JSON.parse('{"title": "\\ud800"}', "j")).found
 
 
 @pytest.mark.parametrize(
@@ -125,7 +111,7 @@ def test_a_mebibyte_takes_at_most_a_second(text: str, tmp_path: Path) -> None:
     assert len(str(error)) < 20_000
 
 
-@pytest.mark.parametrize("read", [read_toml, read_json])
+@pytest.mark.parametrize("read", [TOML.read, JSON.read])
 def test_files_that_cannot_be_read(read: Callable[[Path], Any], tmp_path: Path) -> None:
     (tmp_path / "large").write_bytes(b"#" * (MAX_DOCUMENT_BYTES + 1))
     (tmp_path / "latin").write_bytes(b"x = '\xff'")
@@ -138,42 +124,47 @@ TREE = {"a": {"b": [1, {"c": 2}], "d": (3,)}, "e": None, "f": {}, "g": []}
 
 
 def test_leaves_are_found_where_set_would_put_them() -> None:
-    found = dict(leaves(TREE))
+    found = dict(Tree(TREE).leaves())
     assert found == {"a.b.0": 1, "a.b.1.c": 2, "a.d.0": 3, "e": None}
-    assert dict(leaves(TREE["a"], "a")) == {name: found[name] for name in list(found)[:3]}
-    copied = mapped(TREE)
+    assert dict(Tree(TREE["a"]).leaves("a")) == {name: found[name] for name in list(found)[:3]}
+    copied = Tree(TREE).mapped()
     for name in found:
-        assign(copied, name, name, "test")
-    assert dict(leaves(copied)) == {name: name for name in found}
-    assert dict(leaves(TREE)) == found, "the copy is one"
+        Tree(copied).assign(name, name, "test")
+    assert dict(Tree(copied).leaves()) == {name: name for name in found}
+    assert dict(Tree(TREE).leaves()) == found, "the copy is one"
     made: dict[str, Any] = {}
-    assign(made, "a.b.0", 1, "test")
+    Tree(made).assign("a.b.0", 1, "test")
     assert made == {"a": {"b": {"0": 1}}}
-    assert dict(leaves(TREE, is_leaf=lambda value: not value or isinstance(value, list | int))) == {
+    assert dict(Tree(TREE).leaves(is_leaf=lambda value: not value or isinstance(value, list | int))) == {
         "a.b": [1, {"c": 2}], "a.d.0": 3, "e": None, "f": {}, "g": [],
     }  # fmt: skip
-    assert mapped(TREE, str) == {"a": {"b": ["1", {"c": "2"}], "d": ["3"]}, "e": "None", "f": {}, "g": []}
-    assert mapped(4, str) == "4"
+    assert Tree(TREE).mapped(str) == {
+        "a": {"b": ["1", {"c": "2"}], "d": ["3"]},
+        "e": "None",
+        "f": {},
+        "g": [],
+    }
+    assert Tree(4).mapped(str) == "4"
 
 
 def test_differences_end_where_one_side_is_no_table() -> None:
     other = {"a": {"b": [1], "d": (3,)}, "f": None, "g": [], "h": 1}
-    assert list(differences(TREE, other, absent="none")) == [
+    assert list(Tree(TREE).differences(other, absent="none")) == [
         ("a.b", [1, {"c": 2}], [1]),
         ("e", None, "none"),
         ("f", {}, None),
         ("h", "none", 1),
     ]
-    assert list(differences(TREE, TREE, absent="none")) == []
+    assert list(Tree(TREE).differences(TREE, absent="none")) == []
 
 
 def test_merged_tables_keep_what_is_not_named() -> None:
     before = {"a": {"b": 1, "c": {"d": 2}}, "e": 3}
-    assert merged(before, {"a": {"c": {"f": 4}, "g": [5]}, "h": {"i": 6}}) == {
+    assert Tree(before).merged({"a": {"c": {"f": 4}, "g": [5]}, "h": {"i": 6}}) == {
         "a": {"b": 1, "c": {"d": 2, "f": 4}, "g": [5]}, "e": 3, "h": {"i": 6},
     }  # fmt: skip
     assert before == {"a": {"b": 1, "c": {"d": 2}}, "e": 3}
-    assert merged(before, {"e": {"i": 6}})["e"] == 3, "left for a check to find"
+    assert Tree(before).merged({"e": {"i": 6}})["e"] == 3, "left for a check to find"
 
 
 @pytest.mark.parametrize(
@@ -187,9 +178,9 @@ def test_merged_tables_keep_what_is_not_named() -> None:
     ],
 )
 def test_places_that_are_not_there(path: str, found: str, allowed: str) -> None:
-    tree: Any = mapped(TREE)
+    tree: Any = Tree(TREE).mapped()
     with pytest.raises(InputError) as caught:
-        assign(tree, path, 1, "test")
+        Tree(tree).assign(path, 1, "test")
     assert (caught.value.found, caught.value.allowed) == (f"test: {found}", allowed)
 
 
@@ -200,13 +191,13 @@ def test_tables_become_toml_and_come_back() -> None:
         "rows": [{"x": 1, "deep": {"y": [1.5]}, "more": [{"z": "q"}]}, {"x": 2}],
     }  # fmt: skip
     expected = {name: value for name, value in table.items() if value is not None}
-    assert parse_toml(toml_text(table), "here") == expected
+    assert TOML.parse(TOML.text(table), "here") == expected
 
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_scenarios_become_toml_and_come_back(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
-    (tmp_path / "a.toml").write_text(toml_text(scenario.model_dump(exclude_unset=True)))
+    (tmp_path / "a.toml").write_text(TOML.text(scenario.model_dump(exclude_unset=True)))
     assert load_scenario(tmp_path / "a.toml").model_dump() == scenario.model_dump()
 
 
@@ -214,11 +205,11 @@ def test_a_byte_order_mark_is_no_part_of_a_document(tmp_path: Path) -> None:
     """As Windows editors write it."""
     path = tmp_path / "marked"
     path.write_text('name = "base"\n', encoding="utf-8-sig")
-    assert read_toml(path) == {"name": "base"}
-    assert parse_toml("\ufeffa = 1", "law.toml") == {"a": 1}
+    assert TOML.read(path) == {"name": "base"}
+    assert TOML.parse("\ufeffa = 1", "law.toml") == {"a": 1}
     path.write_text('{"a": 1}', encoding="utf-8-sig")
-    assert read_json(path) == {"a": 1}
-    assert parse_json(path.read_bytes(), "bytes") == {"a": 1}
+    assert JSON.read(path) == {"a": 1}
+    assert JSON.parse(path.read_bytes(), "bytes") == {"a": 1}
 
 
 @pytest.mark.parametrize(
@@ -248,12 +239,12 @@ def test_another_kind_of_file_is_called_by_its_name(tmp_path: Path, content: byt
 @pytest.mark.parametrize("part", [b"<??>", b"<!---->", b"<?", b"<!--", b" ", b"<!doctype>", b"<"])
 def test_what_a_file_is_takes_no_time_to_tell(part: bytes) -> None:
     start = time.process_time()
-    assert format_of(part * 2**15) == ""
+    assert FileKind.named(part * 2**15) == ""
     assert within(time.process_time() - start, SECOND)
 
 
 def test_what_only_looks_like_another_kind_is_told_where_it_errs() -> None:
     with pytest.raises(InputError, match="is not valid JSON: "):
-        parse_json('{"a": 1,}', "a.json")
+        JSON.parse('{"a": 1,}', "a.json")
     with pytest.raises(InputError, match=r"is not valid TOML: .*line 2"):
-        parse_toml("a = 1\nb c\n", "a.toml")
+        TOML.parse("a = 1\nb c\n", "a.toml")

@@ -16,15 +16,8 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
-from cranectl.support.files import (
-    FileKind,
-    being_written,
-    check_replaceable,
-    replacing,
-    short_names,
-    write_text,
-    writing,
-)
+from cranectl.support.file_kinds import FileKind
+from cranectl.support.files import File
 from tests.pace import HANG
 
 PICTURES = {*FileKind.PLOTS, *FileKind.VIDEOS}
@@ -32,11 +25,11 @@ PICTURES = {*FileKind.PLOTS, *FileKind.VIDEOS}
 
 def test_a_file_appears_whole_or_stays_what_it_was(tmp_path: Path) -> None:
     path = tmp_path / "new" / "a.txt"
-    check_replaceable(path)  # makes the directory
-    write_text(path, "old")
-    with pytest.raises(UnicodeEncodeError), replacing(path) as part:
+    File(path).check_replaceable()  # makes the directory
+    File(path).write_text("old")
+    with pytest.raises(UnicodeEncodeError), File(path).replacing() as part:
         part.write_text("ne\udcff", encoding="utf-8")  # fails when the file is open
-    with replacing(path) as part:
+    with File(path).replacing() as part:
         part.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
@@ -47,11 +40,11 @@ def test_a_pipe_is_written_to_but_never_replaced(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(OSError, match="no regular file"):
-        check_replaceable(pipe)
-    with pytest.raises(OSError, match="no regular file"), replacing(pipe):
+        File(pipe).check_replaceable()
+    with pytest.raises(OSError, match="no regular file"), File(pipe).replacing():
         pass
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
-    write_text(pipe, "text")
+    File(pipe).write_text("text")
     assert os.read(reader, 10) == b"text"
     os.close(reader)
     assert pipe.is_fifo()
@@ -64,10 +57,10 @@ def test_threads_that_write_one_file_have_a_part_each(tmp_path: Path) -> None:
     seen = list[str]()
 
     def write(text: str) -> None:
-        with replacing(path) as part:
+        with File(path).replacing() as part:
             parts.append(part)
             ready.wait()
-            assert being_written(path)
+            assert File(path).is_being_written()
             part.write_text(text)
             ready.wait()
             assert part.read_text() == text
@@ -89,10 +82,13 @@ def test_threads_that_write_one_file_have_a_part_each(tmp_path: Path) -> None:
     ("name", "failure"), [("a", OSError("disk full")), ("a\0", ValueError("embedded null byte"))]
 )
 def test_what_cannot_be_written_is_bad_input(name: str, failure: Exception, error: type[InputError]) -> None:
-    with pytest.raises(error, match=f"{failure}") as caught, writing(Path(name), remedy="x", error=error):
+    with (
+        pytest.raises(error, match=f"{failure}") as caught,
+        File(Path(name)).writing(remedy="x", error=error),
+    ):
         raise failure
     assert caught.value.remedy == "x"
-    with pytest.raises(ValueError, match="no such colour"), writing(Path("a")):
+    with pytest.raises(ValueError, match="no such colour"), File(Path("a")).writing():
         raise ValueError("no such colour")
 
 
@@ -144,8 +140,8 @@ def test_an_input_is_found_by_any_name(tmp_path: Path) -> None:
 WRITER = """
 import sys, time
 from pathlib import Path
-from cranectl.support.files import replacing
-with replacing(Path(sys.argv[1])) as part:
+from cranectl.support.files import File
+with File(Path(sys.argv[1])).replacing() as part:
     print("writing", flush=True)
     sys.stdin.readline()
 """
@@ -159,14 +155,14 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             assert process.stdout.readline()
-            assert being_written(path)
+            assert File(path).is_being_written()
             assert "is writing it" in refused(path)
             FileKind.MCAP.check_place(path, at_once=True)
             if kill:
                 process.kill()
             else:
                 process.communicate("\n")
-        assert not being_written(path), "what a killed process leaves stands in nobody's way"
+        assert not File(path).is_being_written(), "what a killed process leaves stands in nobody's way"
         if not kill:
             assert path.read_bytes() == b""
             path.write_bytes(b"\x89MCAP0\r\n")
@@ -261,9 +257,3 @@ def test_every_command_is_guarded() -> None:
         for parameter in command.params:
             if written & set(parameter.opts) and parameter.metavar == "FILE" and command.name != "export":
                 assert isinstance(parameter.type, OutputFile), f"{command.name} {parameter.opts}"
-
-
-@pytest.mark.parametrize("odd", ["", "/", ".."])
-def test_a_file_without_a_name_has_a_short_name(odd: str) -> None:
-    """It is refused where it is read; `report x.mcap ''` ended before that."""
-    assert short_names([Path("a/x.mcap"), Path(odd)])[0] == "x"

@@ -12,9 +12,9 @@ from cranectl.campaign.benchmark.table import read_table
 from cranectl.loaders.opening import open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
-from cranectl.support.files import open_input
+from cranectl.support.files import File
 from tests.pace import HANG
 
 FILE = """
@@ -75,7 +75,7 @@ def test_what_a_shell_pipes_in_is_read(tmp_path: Path) -> None:
     source, sink = os.pipe()
     os.write(sink, b"x = 1\n")
     os.close(sink)
-    assert read_toml(Path(f"/dev/fd/{source}")) == {"x": 1}
+    assert TOML.read(Path(f"/dev/fd/{source}")) == {"x": 1}
     os.close(source)
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -83,7 +83,7 @@ def test_what_a_shell_pipes_in_is_read(tmp_path: Path) -> None:
     found: list[bytes] = []
 
     def read() -> None:
-        with open_input(pipe, piped=10) as stream:
+        with File(pipe).open(piped=10) as stream:
             found.append(stream.read())
 
     thread = threading.Thread(target=read)
@@ -102,7 +102,7 @@ def test_a_writer_that_stays_silent_is_reported(
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
     both, found = os.open(pipe, os.O_RDWR), list[object]()
-    thread = threading.Thread(target=lambda: found.append(read_toml(pipe)))
+    thread = threading.Thread(target=lambda: found.append(TOML.read(pipe)))
     thread.start()
     told, end = "", time.monotonic() + HANG
     while "whose writer" not in told and time.monotonic() < end:

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from cranectl.support.units import difference_in, difference_text, plain, quantity, scaled
+from cranectl.support.trees import Tree
+from cranectl.support.units import Quantity
 
 
 @pytest.mark.parametrize(
@@ -29,7 +30,7 @@ from cranectl.support.units import difference_in, difference_text, plain, quanti
     ],
 )
 def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, expected: str) -> None:
-    assert quantity(value, unit) == expected
+    assert Quantity(value, unit).text() == expected
 
 
 @pytest.mark.parametrize(
@@ -47,11 +48,15 @@ def test_a_value_is_told_with_the_prefix_of_its_unit(value: float, unit: str, ex
     ],
 )
 def test_a_setting_is_told_with_the_digits_that_it_needs(setting: object, expected: str) -> None:
-    assert plain(setting) == expected
+    assert Tree(setting).text() == expected
 
 
 def test_a_column_has_the_unit_of_its_largest_value() -> None:
-    assert [scaled("m", value) for value in (0.4, 40.0, 0.0)] == [(1e3, "mm"), (1.0, "m"), (1.0, "m")]
+    assert [Quantity(value, "m").scale() for value in (0.4, 40.0, 0.0)] == [
+        (1e3, "mm"),
+        (1.0, "m"),
+        (1.0, "m"),
+    ]
 
 
 @pytest.mark.parametrize(
@@ -67,4 +72,4 @@ def test_a_column_has_the_unit_of_its_largest_value() -> None:
 )
 def test_digits_of_rounding_are_not_shown(value: float, text: str, with_unit: str) -> None:
     """They change with the processor."""
-    assert (difference_text(value), difference_in(value, "m")) == (text, with_unit)
+    assert (Quantity(value).si_difference(), Quantity(value, "m").difference()) == (text, with_unit)

@@ -25,7 +25,7 @@ from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
-from cranectl.signals import PATH
+from cranectl.signals import COLUMN
 from cranectl.simulate import Loop, make_plant, plan_scenario, prepare_controller
 from cranectl.simulate.open_runs import OpenRuns, open_runs
 from cranectl.simulate.run import record_width
@@ -115,7 +115,7 @@ def make_loop(controller: str, plant: str = "mujoco") -> Callable[[], object]:
     scenario = load_scenario(SCENARIO)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
     prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant(plant, scenario, DRIVE)
-    records = np.zeros((BLOCK, record_width(design))), np.zeros((BLOCK, PATH.width))
+    records = np.zeros((BLOCK, record_width(design))), np.zeros((BLOCK, COLUMN.path_width))
 
     def run_loop() -> None:
         loop = Loop(scenario, crane, prepared, plan, design=design, records=records)

@@ -26,9 +26,9 @@ from cranectl.campaign.benchmark.trials import rules_of, stated_rules
 from cranectl.campaign.benchmark.tuned import DEFAULT, tuned_facts
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
-from cranectl.support.files import write_text
+from cranectl.support.files import File
 
 SEED_DIGITS = 15  # hexadecimal; a seed is less than 2**63
 
@@ -37,7 +37,7 @@ def frozen_seed(benchmark: Benchmark) -> int:
     """Return the seed that the rules and the stored numbers of all controllers give."""
     folder = benchmark.file.parent
     numbers = {
-        path.stem: read_toml(path)["parameters"]
+        path.stem: TOML.read(path)["parameters"]
         for path in [*folder.glob("tuned/*.toml"), *folder.glob("nmpc/tuned/*.toml")]
     }
     text = stated_rules(benchmark) + json.dumps(numbers, sort_keys=True)
@@ -60,10 +60,10 @@ def tune_missing(benchmark: Benchmark, *, only_check: bool) -> int:
 def is_compiled_current(benchmark: Benchmark, compiled: Path | None) -> bool:
     """Return True if nmpc has numbers by the present rules; copy them from the folder `compiled` if not."""
     kept, rules = benchmark.file.parent / "nmpc" / "tuned", rules_of(benchmark)
-    if compiled is not None and read_toml(kept / "nmpc.toml")["rules"] != rules:
+    if compiled is not None and TOML.read(kept / "nmpc.toml")["rules"] != rules:
         for ending in ("toml", "parquet"):
             shutil.copy(compiled / f"nmpc.{ending}", kept)
-    return bool(read_toml(kept / "nmpc.toml")["rules"] == rules)
+    return bool(TOML.read(kept / "nmpc.toml")["rules"] == rules)
 
 
 def freeze(*, only_check: bool, compiled: Path | None = None) -> int:
@@ -83,7 +83,7 @@ def freeze(*, only_check: bool, compiled: Path | None = None) -> int:
     if only_check:
         return 1
     text = benchmark.file.read_text(encoding="utf-8")
-    write_text(benchmark.file, re.sub(r"(?m)^seed = \d+", f"seed = {seed}", text, count=1))
+    File(benchmark.file).write_text(re.sub(r"(?m)^seed = \d+", f"seed = {seed}", text, count=1))
     return 0
 
 

@@ -47,9 +47,9 @@ from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.controller_options import opened
 from cranectl.controllers.registry import ALL_CONTROLLERS
-from cranectl.support.documents import read_toml, toml_text
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
-from cranectl.support.files import write_text
+from cranectl.support.files import File
 
 BENCHMARK = read_benchmark(DEFAULT)
 TABLE = BENCHMARK.file.parent / "literature.parquet"
@@ -138,12 +138,12 @@ def about_with_software(about: Mapping[str, Any]) -> dict[str, Any]:
 
 def stamp_numbers(controller: str, rules: str, source: Path, target: Path) -> None:
     """Copy the tuned numbers and points of `controller` from one folder to another, with new digests."""
-    table = read_toml(source / f"{controller}.toml")
+    table = TOML.read(source / f"{controller}.toml")
     is_compiled = source == target and source != NUMBERS[0]
     code = table.get("code", table.get("sha256")) if is_compiled else code_of(controller)
     stamps = {"law": controller, "code": code, "benchmark": table["benchmark"], "rules": rules}
     rest = {key: value for key, value in table.items() if key not in ("sha256", *stamps)}
-    write_text(target / f"{controller}.toml", toml_text(stamps | rest))
+    File(target / f"{controller}.toml").write_text(TOML.text(stamps | rest))
     points = parquet.read_table(source / f"{controller}.parquet")
     metadata = {key: stamps[key] for key in ("law", "benchmark", "rules")}
     stamped: pyarrow.Table = points.replace_schema_metadata(metadata)

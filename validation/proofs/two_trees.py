@@ -57,9 +57,10 @@ def seconds():
     prepare = getattr(runner, "prepare_controller", None) or runner.law_of
     compiled = prepare(scenario, design, crane.drive, plan)
     if not hasattr(runner, "start_run"):
-        from cranectl.signals import PATH
+        from cranectl import signals
         from cranectl.simulate import Loop
-        records = [np.zeros((len(plan.time_ns), columns)) for columns in (record_width(design), PATH.width)]
+        width = signals.PATH.width if hasattr(signals, "PATH") else signals.COLUMN.path_width
+        records = [np.zeros((len(plan.time_ns), columns)) for columns in (record_width(design), width)]
         loop = Loop(scenario, crane, compiled, plan, design=design, records=records)
         begin = time.perf_counter()
         loop.advance(len(plan.time_ns))

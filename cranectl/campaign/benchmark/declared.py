@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.scenario import DesignSettings, Scaled
-from cranectl.support import leaves
+from cranectl.support import Tree
 
 TUNED_DIGITS = 4  # digits of a tuned number, so that the printed number is the one that was run
 
@@ -61,7 +61,7 @@ def variables_of(name: str) -> tuple[Variable, ...]:
     """Return the numbers of the controller `name` that tuning may change; raise InputError if unknown."""
     controller = ALL_CONTROLLERS[ALL_CONTROLLERS.checked(name)]
     if controller.axis_design is not None:
-        default = dict(leaves(DesignSettings().model_dump()))
+        default = dict(Tree(DesignSettings().model_dump()).leaves())
         bounds = {key: ends for part in name.split("+") for key, ends in DESIGN_BOUNDS[part].items()}
         return tuple(
             Variable(f"design.{key}", default[key], *ends, DesignSettings.scale_of(key).length)

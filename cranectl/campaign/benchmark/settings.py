@@ -9,7 +9,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from cranectl.plants import Drive
 from cranectl.scenario import RuleError, Settings
-from cranectl.support import MAX_DRAWS, MAX_RUNS, Shipped, read_toml
+from cranectl.support import MAX_DRAWS, MAX_RUNS, TOML, Shipped
 
 # Prefixes of the names of generated sets: for the robustness radius, and with one uncertainty each.
 RADIUS_PREFIX, SINGLE_PREFIX = "spread-", "only-"
@@ -205,6 +205,6 @@ def benchmark_file(name_or_path: str) -> Path:
 def read_benchmark(name_or_path: str) -> Benchmark:
     """Read a benchmark by name or from a TOML file; raise InputError if it is missing or invalid."""
     path = benchmark_file(name_or_path)
-    benchmark = Benchmark.from_table(read_toml(path), path.name)
+    benchmark = Benchmark.from_table(TOML.read(path), path.name)
     benchmark._file = path
     return benchmark

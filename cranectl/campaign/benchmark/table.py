@@ -15,7 +15,7 @@ import numpy as np
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
 from cranectl.metrics import DRIVES
-from cranectl.support import Array, InputError, Mask, open_input, replacing
+from cranectl.support import Array, File, InputError, Mask
 
 VARIATION = "variation_m_s2"  # sum of the command variations of all drives
 METRICS = (
@@ -105,7 +105,7 @@ def write_table(path: Path, table: BenchmarkTable) -> None:
     arrays = {name: round_metrics(np.concatenate(values)) for name, values in numbers.items()}
     arrow = pyarrow.table({**columns, **arrays})
     arrow = arrow.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
-    with replacing(path) as unfinished, unfinished.open("wb") as stream:
+    with File(path).replacing() as unfinished, unfinished.open("wb") as stream:
         parquet.write_table(arrow, stream, compression="zstd", compression_level=19)
 
 
@@ -121,7 +121,7 @@ def read_table(path: Path) -> BenchmarkTable:
     from pyarrow import parquet
 
     try:
-        with open_input(path) as stream:
+        with File(path).open() as stream:
             arrow = parquet.read_table(stream)
         metadata = json.loads(arrow.schema.metadata[ABOUT])
         about = {name: metadata[name] for name in ABOUT_KEYS}

@@ -28,7 +28,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import limits_of
 from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
-from cranectl.support import InputError, Provenance, Shipped, leaves
+from cranectl.support import InputError, Provenance, Shipped, Tree
 
 Division = Literal["published", "tuned"]  # controllers with default numbers, or with tuned ones
 DIVISIONS: tuple[Division, ...] = ("tuned", "published")  # in the order of reports
@@ -242,4 +242,4 @@ def rules_of(benchmark: Benchmark) -> str:
 
 def _flat(*tables: Mapping[str, Any]) -> dict[str, Any]:
     """Return distributions by the dotted names of their parameters; later tables replace earlier ones."""
-    return {name: found for table in tables for name, found in leaves(table, is_leaf=is_distribution)}
+    return {name: found for table in tables for name, found in Tree(table).leaves(is_leaf=is_distribution)}

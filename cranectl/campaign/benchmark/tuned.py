@@ -10,26 +10,16 @@ from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Point, Tuned
 from cranectl.controllers import ALL_CONTROLLERS, OPEN
-from cranectl.support import (
-    FileKind,
-    InputError,
-    Provenance,
-    leaves,
-    read_toml,
-    replacing,
-    toml_text,
-    write_text,
-    writing,
-)
+from cranectl.support import TOML, File, FileKind, InputError, Provenance, Tree
 
 DEFAULT = "literature"  # the default benchmark
-TOML = FileKind("result of tuning", rb"law = ")
+TUNING = FileKind("result of tuning", rb"law = ")
 
 
 def tuned_files(directory: Path, controller: str) -> tuple[Path, Path]:
     """Return the files for a controller's numbers and points; raise InputError if they cannot be written."""
     files = directory / f"{controller}.toml", directory / f"{controller}.parquet"
-    for path, kind in zip(files, (TOML, FileKind.PARQUET), strict=True):
+    for path, kind in zip(files, (TUNING, FileKind.PARQUET), strict=True):
         kind.check_place(path, option="--out")
     return files
 
@@ -86,7 +76,7 @@ def write_points(path: Path, keys: Sequence[str], points: Sequence[Point], about
         "cost": [point.cost for point in points],
         "failed_share": [point.failed for point in points],
     }
-    with writing(path), replacing(path) as unfinished:
+    with File(path).writing(), File(path).replacing() as unfinished:
         parquet.write_table(pyarrow.table(columns, metadata=dict(about)), unfinished, compression="zstd")
 
 
@@ -114,8 +104,8 @@ def write_tuned(tuned: Tuned, table: Mapping[str, Any], files: tuple[Path, Path]
     numbers, points = files
     keys = [variable.key for variable in tuned.variables]
     write_points(points, keys, tuned.points, {name: table[name] for name in ("law", "benchmark", "rules")})
-    with writing(numbers):
-        write_text(numbers, toml_text(table))
+    with File(numbers).writing():
+        File(numbers).write_text(TOML.text(table))
 
 
 def tuned_settings(
@@ -151,8 +141,8 @@ def tuned_facts(directory: Path, rules: str, controller: str, benchmark: str = D
     tune_again = shlex.join(command)
     if not path.is_file():
         raise InputError(f"{controller} is not tuned: {path} is not a file", remedy=f"tune it: {tune_again}")
-    table = read_toml(path)
-    variables, values = variables_of(controller), dict(leaves(table.get("parameters", {})))
+    table = TOML.read(path)
+    variables, values = variables_of(controller), dict(Tree(table.get("parameters", {})).leaves())
     has_same_keys = values.keys() == {variable.key for variable in variables}
     if not _is_current(table, controller) or not has_same_keys:
         raise InputError(

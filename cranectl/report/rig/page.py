@@ -17,7 +17,7 @@ from cranectl.report.page import Figure, Page, Section
 from cranectl.report.rig import tables
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, make_room, spaced
 from cranectl.scenario import Scenario
-from cranectl.support import LIGHT
+from cranectl.support import Palette
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
@@ -108,14 +108,14 @@ def _draw_map(axes: Axes, certificate: Certificate) -> None:
     for (i, tilt), (j, speed) in product(tilts, speeds):
         line = [v for v in certificate.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
         lengths, gaps = [v.point.rope_length for v in line], [v.gap for v in line]
-        colour = LIGHT[SERIES[i % len(SERIES)]]
+        colour = Palette.LIGHT[SERIES[i % len(SERIES)]]
         label = f"{tilt[0]:g}, {tilt[1]:g} rad/s²; {speed:+g} m/s"
         axes.plot(lengths, gaps, STYLES[j % len(STYLES)], color=colour, linewidth=1.0, label=label)
         for length, gap, verdict in zip(lengths, gaps, line, strict=True):
             axes.plot(length, gap, MARKS[verdict.grade], color=colour, markersize=4)
     margins = {verdict.point.rope_length: verdict.margin for verdict in certificate.points}
     label = f"margin b = {certificate.margin:.3f}"
-    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=LIGHT["limit"], label=label)
+    axes.plot(*zip(*sorted(margins.items()), strict=True), "-_", color=Palette.LIGHT["limit"], label=label)
     axes.set(title="ν-gap; ○ certified, □ by frequency, × refused", xlabel="rope length [m]", ylabel="ν-gap")
 
 
@@ -124,7 +124,10 @@ def _draw_frequency(axes: Axes, loops: Loops) -> None:
     omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal.period, 600)
     z = np.exp(1j * omega * nominal.period)
     run, model = orthonormal(nominal.opening.graph(worst).response(z)), orthonormal(nominal.graph.response(z))
-    axes.semilogx(omega, distance(run, model), color=LIGHT[SERIES[0]], label="distance to the design model")
+    colour = Palette.LIGHT[SERIES[0]]
+    axes.semilogx(omega, distance(run, model), color=colour, label="distance to the design model")
+        omega, distance(run, model), color=Palette.LIGHT[SERIES[0]], label="distance to the design model"
+    )
     margin = smallest_sine(complement(nominal.opening.controller(z)), model)
-    axes.semilogx(omega, margin, color=LIGHT["limit"], label="margin of the loop")
+    axes.semilogx(omega, margin, color=Palette.LIGHT["limit"], label="margin of the loop")
     axes.set(xlabel="angular frequency [rad/s]", ylabel="sine of the angle")

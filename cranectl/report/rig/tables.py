@@ -9,7 +9,7 @@ from cranectl.analysis.certificate.structured import DriveMargins
 from cranectl.analysis.ladder import LevelResult, Size
 from cranectl.analysis.levels import BASE, MODEL
 from cranectl.report.table import Cell, Table, cells
-from cranectl.support import at_least, at_most, plain
+from cranectl.support import Quantity, Tree
 
 _MARKED = {" ": "good", "f": "good", "r": "open", "u": "bad"}  # by letter of a grade, u: unstable
 GRADES: dict[Grade, str] = {"gap": " ", "by frequency": "f", "refused": "r"}
@@ -70,11 +70,11 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
     low, high = margins.gain_range
     rows = [
         ("gain and phase, disk margin", f"{margins.disk_margin:.3f}"),
-        ("gains alone", f"{at_least(low)} … {at_most(high)}"),
-        ("phases alone", f"± {at_most(math.degrees(margins.phase), 2)}°"),
+        ("gains alone", f"{Quantity(low).at_least()} … {Quantity(high).at_most()}"),
+        ("phases alone", f"± {Quantity(math.degrees(margins.phase)).at_most(2)}°"),
     ]
     for spread, delay in margins.delays:
-        tolerated = f"{at_most(1e3 * delay)} ms" if delay > 0.0 else "not known"
+        tolerated = f"{Quantity(1e3 * delay).at_most()} ms" if delay > 0.0 else "not known"
         rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
     title = f"The drives at once, each on its own: {worst.point}"
     return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
@@ -87,7 +87,8 @@ def limit_table(limits: Sequence[LargestValues]) -> Table:
     rows = []
     for limit in limits:
         values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
-        texts = ("-" if value is None else at_most(1e3 * value) for value in values)  # as certified
+        # as certified
+        texts = ("-" if value is None else Quantity(1e3 * value).at_most() for value in values)
         rows.append(cells(f"{limit.point.rope_length:g}", *texts))
     return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
 
@@ -130,6 +131,6 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
     for result in results:
         level, effect = result.level, getattr(result.run.scenario.effects, result.level.name, None)
         settings = {} if effect is None else effect.model_dump(mode="json")
-        numbers = ", ".join(f"{name} = {plain(value)}" for name, value in settings.items())
+        numbers = ", ".join(f"{name} = {Tree(value).text()}" for name, value in settings.items())
         rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)

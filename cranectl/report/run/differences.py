@@ -10,7 +10,7 @@ from cranectl.compare import Comparison, RegressionVerdict, worst_first
 from cranectl.plants import PhysicsStep
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.simulate import Run
-from cranectl.support import PROCESSOR_ROUNDING, difference_in, difference_text, leaves, plain
+from cranectl.support import Quantity, Tree
 
 Logs = Mapping[str, Mapping[str, Run]]  # by label, by plant
 MAX_CHARACTERS = 70  # of a value
@@ -76,7 +76,7 @@ def what_differs(logs: Logs) -> Table | None:
         requested = _parameters(run) if is_one_controller else {}
         requested |= {"plants": list(logs[label]), "drives": run.drive, "controller": run.controller}
         requested["scenario"] = run.scenario.model_dump(mode="json", exclude={"controller"})
-        flat.append(dict(leaves(requested)))
+        flat.append(dict(Tree(requested).leaves()))
     rows = {
         name.removeprefix("scenario."): [
             _text(settings[name]) if name in settings else "–" for settings in flat
@@ -103,7 +103,7 @@ def _by_log(title: str, logs: Logs, rows: Mapping[str, Sequence[str]]) -> Table:
 
 
 def _text(value: Any) -> str:
-    text = plain(value)
+    text = Tree(value).text()
     return text if len(text) <= MAX_CHARACTERS else f"{text[: MAX_CHARACTERS - 1]}…"
 
 
@@ -114,10 +114,10 @@ def comparison_table(title: str, comparison: Comparison, *, folded: bool = False
         comparison.signals,
         {
             "signal": lambda row: row.signal,
-            "max |diff|": lambda row: difference_in(row.max_abs, row.unit),
+            "max |diff|": lambda row: Quantity(row.max_abs, row.unit).difference(),
             "at [s]": lambda row: _when(row.at_s, row.max_abs),
-            "RMS": lambda row: difference_in(row.rms, row.unit),
-            "final": lambda row: difference_in(row.final, row.unit),
+            "RMS": lambda row: Quantity(row.rms, row.unit).difference(),
+            "final": lambda row: Quantity(row.final, row.unit).difference(),
         },
         folded=folded,
     )
@@ -127,9 +127,9 @@ def distances_table(first: str, comparisons: Mapping[str, Comparison]) -> Table:
     """Return the differences of runs, by label, from the run labelled `first`."""
     columns: dict[str, Callable[[tuple[str, Comparison]], Cell | str]] = {
         "": lambda row: row[0],
-        "load": lambda row: difference_in(row[1].max_load_error_m, "m"),
+        "load": lambda row: Quantity(row[1].max_load_error_m, "m").difference(),
         "at [s]": lambda row: _when(row[1].max_load_error_at_s, row[1].max_load_error_m),
-        "angles": lambda row: difference_in(row[1].max_angle_error_rad, "rad"),
+        "angles": lambda row: Quantity(row[1].max_angle_error_rad, "rad").difference(),
     }
     return tabulate(f"Largest difference from {first}", comparisons.items(), columns)
 
@@ -138,9 +138,11 @@ def regression_table(verdict: RegressionVerdict) -> Table:
     """Compare a run with its golden run: one row for each signal, then how both ended."""
     rows = []
     for signal in verdict.signals:
-        numbers = difference_text(signal.max_abs), _when(signal.at_s, signal.max_abs), f"{signal.limit:.1e}"
+        largest = Quantity(signal.max_abs).si_difference()
+        numbers = largest, _when(signal.at_s, signal.max_abs), f"{signal.limit:.1e}"
         rows.append(cells(signal.signal, signal.unit, *numbers, VERDICTS[signal.passed]))
-    difference, limit = difference_text(verdict.end_difference_s), f"{verdict.end_difference_limit_s:.1e}"
+    difference = Quantity(verdict.end_difference_s).si_difference()
+    limit = f"{verdict.end_difference_limit_s:.1e}"
     rows.append(cells("ends", "s", difference, "", limit, VERDICTS[verdict.ends_passed]))
     before = f"{verdict.status}, was {verdict.golden_status}"
     how = f"both {verdict.status}" if verdict.same_status else before
@@ -160,7 +162,7 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
         for verdict in verdicts:
             worst = worst_first(verdict.signals)[0]
             said = worst.signal if verdict.same_status and verdict.ends_passed else "ends otherwise"
-            numbers = difference_text(worst.max_abs), f"{worst.limit:.1e}"
+            numbers = Quantity(worst.max_abs).si_difference(), f"{worst.limit:.1e}"
             rows.append(cells(path, verdict.plant, said, *numbers, VERDICTS[verdict.passed]))
     headings = ("log", "plant", "worst", "max |diff|", "limit", "verdict")
     return Table("New minus golden", headings, tuple(rows), labels=3)
@@ -168,7 +170,7 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
 
 def _when(time: float, largest: float) -> str:
     """Return the time [s] of the largest difference; a dash for rounding, whose time means nothing."""
-    return "-" if largest < PROCESSOR_ROUNDING else f"{time:.3f}"
+    return "-" if largest < Quantity.PROCESSOR_ROUNDING else f"{time:.3f}"
 
 
 def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
@@ -177,9 +179,9 @@ def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
         "drives": lambda pair: pair.drive,
         "plants": lambda pair: f"{pair.plant}, {pair.reference}",
         "cases": lambda pair: f"{pair.cases}",
-        "load [m]": lambda pair: difference_text(pair.load_m),
-        "angle [rad]": lambda pair: difference_text(pair.angle_rad),
-        "tension [N]": lambda pair: difference_text(pair.tension_n),
+        "load [m]": lambda pair: Quantity(pair.load_m).si_difference(),
+        "angle [rad]": lambda pair: Quantity(pair.angle_rad).si_difference(),
+        "tension [N]": lambda pair: Quantity(pair.tension_n).si_difference(),
         "load, where": lambda pair: f"{pair.scenario}, {pair.controller}",
         "agree": _answer,
     }
@@ -193,10 +195,10 @@ def pair_tables(pairwise: Pairwise) -> tuple[Table, Table]:
         {
             "drives": lambda plant: plant.drive,
             "plant": lambda plant: plant.plant,
-            "step error\n[m]": lambda plant: difference_text(plant.step_error_m),
+            "step error\n[m]": lambda plant: Quantity(plant.step_error_m).si_difference(),
             "order": lambda plant: "-" if isnan(plant.order) else f"{plant.order:.1f}",
             "energy drift\n[m g l]": lambda plant: (
-                "-" if isnan(plant.energy_drift) else difference_text(plant.energy_drift)
+                "-" if isnan(plant.energy_drift) else Quantity(plant.energy_drift).si_difference()
             ),
             "step error, where": lambda plant: f"{plant.scenario}, {plant.controller}",
         },

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from cranectl.plants import PLANTS
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
-from cranectl.signals import RESIDUAL, flat_groups, measured_groups, recorded_groups
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array
 
@@ -243,7 +243,8 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
     """Return a panel of one recorded signal; label and unit come from the table of signals."""
     group_name, _, signal_name = name.partition(".")
-    groups = (*recorded_groups(flat_groups(0)), *measured_groups("", angles=False, load=False), RESIDUAL)
+    measured = SignalGroup.measured("", angles=False, load=False)
+    groups = (*SignalGroup.recorded(SignalGroup.of_flat_tracker(0)), *measured, SignalGroup.RESIDUAL)
     group = next(group for group in groups if group.name == group_name)
     signal = next(signal for signal in group.signals if signal.name == signal_name)
     label = f"{signal.symbol} [{unit or signal.unit}]"
@@ -259,7 +260,7 @@ def _desired(axis: int) -> Values:
 
 
 def _beside_trolley(axis: int) -> Values:
-    return lambda run: run.block("load")[:, axis] - run.block("state")[:, 2 * axis]
+    return lambda run: run.load_position[:, axis] - run.state.axes[:, axis]
 
 
 _LOAD = tuple(_signal(f"load.load_{a}", reference=_desired(k)) for k, a in enumerate("xyz"))

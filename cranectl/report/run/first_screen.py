@@ -16,7 +16,7 @@ from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
 from cranectl.report.table import VERDICTS, Cell, Table, cells
 from cranectl.simulate import Run
-from cranectl.support import Array, difference_in, quantity
+from cranectl.support import Array, Quantity
 
 Summaries = Mapping[str, Sequence[RunSummary]]  # by label of the log
 Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log
@@ -130,7 +130,7 @@ def _excess(agreement: Agreement) -> str:
     )
     for what, value, limit, unit in pairs:
         if limit is not None and not value <= limit:
-            return f"their {what} differ by {quantity(value, unit)} (allowed: {quantity(limit, unit)})"
+            return f"their {what} differ by {Quantity(value, unit)} (allowed: {Quantity(limit, unit)})"
     return "they end in different ways, or at different times"
 
 
@@ -141,7 +141,10 @@ def _agreements(judged: Sequence[Agreement], logs: int) -> Iterator[str]:
         where = f" in all {logs} logs" if logs > 1 and len(passed) == len(judged) else ""
         plants = PLANTS.in_order({a.plant for a in passed} | {a.reference for a in passed})
         who = "the plants" if len(passed) == len(judged) or logs > 1 else " and ".join(plants)
-        text, allowed = difference_in(nearest.max_load_error_m, "m"), quantity(nearest.limit_m or 0.0, "m")
+        text, allowed = (
+            Quantity(nearest.max_load_error_m, "m").difference(),
+            Quantity(nearest.limit_m or 0.0, "m").text(),
+        )
         at_most = f"less than {text[2:]}" if text.startswith("<") else f"at most {text}"
         yield f"{who} agree{where}: their loads differ by {at_most} (allowed: {allowed})"
 
@@ -183,7 +186,7 @@ def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> Iterator[Fact]:
     metrics = summary.metrics
     if run.has_reference:
         if metrics is not None:
-            distance = np.linalg.norm(run.load_position - run.reference[:, :3], axis=1)
+            distance = np.linalg.norm(run.load_position - run.reference_position, axis=1)
             limits = [limit for limit in summary.limits if limit.metric == "max_error_m"]
             allowed = "".join(f"; allowed: {_millimetres(limit.limit)}" for limit in limits)
             mark = "" if all(limit.kept for limit in limits) else "bad"
@@ -193,7 +196,7 @@ def _facts_of(run: Run, summaries: Sequence[RunSummary]) -> Iterator[Fact]:
             yield _drive_use(run, metrics)
         return
     if run.has("residual"):  # of a prediction from the measured crane
-        distance = np.linalg.norm(run.block("residual")[:, 5:], axis=1)
+        distance = run.load_residual
         largest = _millimetres(float(distance.max()))
         yield Fact("Load, measured minus predicted", largest, _when(run, distance))
     if run.has("state"):
@@ -233,9 +236,9 @@ def _plant_difference(log: Mapping[str, Run], agreements: Sequence[Agreement]) -
     if not agreements:
         return Fact(name, "–", f"only one plant to compare: {', '.join(log)}")
     largest = max(agreements, key=lambda agreement: agreement.max_load_error_m)
-    remark = "not judged" if largest.limit_m is None else f"allowed: {quantity(largest.limit_m, 'm')}"
+    remark = "not judged" if largest.limit_m is None else f"allowed: {Quantity(largest.limit_m, 'm')}"
     mark = "bad" if any(agreement.passed is False for agreement in agreements) else ""
-    return Fact(name, difference_in(largest.max_load_error_m, "m"), remark, mark)
+    return Fact(name, Quantity(largest.max_load_error_m, "m").difference(), remark, mark)
 
 
 def _drive_use(run: Run, metrics: RunMetrics) -> Fact:

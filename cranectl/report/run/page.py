@@ -38,7 +38,7 @@ from cranectl.report.run.tables import limits_table, metrics_table, run_table
 from cranectl.report.table import Table, listed
 from cranectl.report.theme import SERIES
 from cranectl.simulate import Run
-from cranectl.support import Array, difference_in, quantity
+from cranectl.support import Array, Quantity
 
 Runs = Mapping[str, Run]  # by label
 Pairs = Sequence[tuple[Run, Run]]  # of a plant, and of the reference plant
@@ -252,5 +252,5 @@ def _beside(run: Run) -> list[Array]:
 
 def _kept(value: float, unit: str) -> str:
     """Return a quantity that stays on one line with its unit; below a nanometre it is rounding."""
-    text = quantity(value, unit) if unit == "°" else difference_in(value, unit)
+    text = Quantity(value, unit).text() if unit == "°" else Quantity(value, unit).difference()
     return text.replace(" ", "\N{NO-BREAK SPACE}")

@@ -8,7 +8,7 @@ from cranectl.cases.case import CaseResult, RunSummary, judged_limits
 from cranectl.compare import Agreement
 from cranectl.metrics import Metric, RunMetrics, all_metrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.support import PROCESSOR_ROUNDING, difference_text, exact_seconds, scaled
+from cranectl.support import Quantity
 
 if TYPE_CHECKING:
     from cranectl.log import LogDescription
@@ -98,8 +98,8 @@ def _shown_unit(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[floa
     if metric.unit == "rad":
         return degrees(1.0), "°"
     largest = max((abs(n) for run in runs for n in _numbers_of(metric, run) if n is not None), default=0.0)
-    largest = max(largest, PROCESSOR_ROUNDING) if largest else 0.0  # picometres would be rounding
-    factor, unit = scaled(metric.unit, largest)
+    largest = max(largest, Quantity.PROCESSOR_ROUNDING) if largest else 0.0  # picometres would be rounding
+    factor, unit = Quantity(largest, metric.unit).scale()
     return (factor, unit) if factor < 1.0 else (1.0, metric.unit)
 
 
@@ -221,7 +221,7 @@ def _agreement_cells(part: Sequence[Judged], shared: SharedLimits) -> Iterator[C
             value, limit = max(differences, key=lambda pair: (isnan(pair[0]), pair[0]), default=(0.0, None))
             beside = "" if limit is None or common is not None else f" < {limit:.1e}"
             mark = "" if limit is None or value <= limit else "bad"  # NaN is above every limit
-            yield Cell(f"{difference_text(value)}{beside}" if differences else "-", mark)
+            yield Cell(f"{Quantity(value).si_difference()}{beside}" if differences else "-", mark)
     judged = [agreement for agreement, _ in part if agreement.passed is not None]
     answer = ANSWERS[all(agreement.passed for agreement in judged) if judged else None]
     drives = dict.fromkeys(agreement.drive for agreement in judged)
@@ -271,7 +271,7 @@ def run_notes(results: Sequence[CaseResult]) -> list[str]:
     ]
     steps = [
         f"{agreement.scenario}, {agreement.controller}: the steps are too long for the plants to agree; with "
-        f"control.physics_step = {exact_seconds(agreement.curing_step_s)} they do"
+        f"control.physics_step = {Quantity(agreement.curing_step_s).setting()} they do"
         for result in results
         for agreement in result.agreements
         if agreement.curing_step_s is not None

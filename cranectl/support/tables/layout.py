@@ -45,6 +45,28 @@ class Header(NamedTuple):
     columns: int  # cells of most rows
     kinds: tuple[str, ...]  # of the cells in most rows: number, stamp, text or "" for missing ones
 
+    @classmethod
+    def find(cls, rows: Sequence[Cells | None], named_row: int | None = None) -> "Header | None":
+        """Return where a table of cells has names and numbers, or None without a row of numbers.
+
+        A row without cells, or with a comment, is None. `named_row` is the number of the row of names, from 1
+        on, or 0 for none.
+        """
+        kinds = [tuple(map(kind_of, row)) if row else () for row in rows]
+        if named_row:
+            kinds[:named_row] = [()] * min(named_row, len(kinds))
+        have_numbers = ["number" in row or "stamp" in row for row in kinds]
+        columns = _usual_length(
+            [len(row) if has else -len(row) for row, has in zip(kinds, have_numbers, strict=True)]
+        )
+        if not columns:
+            return None
+        usual = _usual_kinds([row for row, has in zip(kinds, have_numbers, strict=True) if has], columns)
+        full = [k for k, row in enumerate(kinds) if have_numbers[k] and len(row) >= columns]
+        start = next((k for k in full if not _contradicts(kinds[k], usual)), full[0])
+        names, units, begin = _names_above(rows, start, columns, named_row)
+        return cls(names, units, start, begin, columns, usual)
+
 
 class Layout(NamedTuple):
     """How the lines of a text hold a table."""
@@ -88,7 +110,7 @@ def find_layout(lines: Sequence[str], where: str, named_line: int | None = None)
     best: tuple[tuple[float, bool, int], Layout] | None = None
     for separator in SEPARATORS:
         rows = [split_cells(line, separator) if is_data(line) else None for line in lines]
-        header = find_header(rows, named_line)
+        header = Header.find(rows, named_line)
         if header is None:
             continue
         if not header.names and named_line is None:
@@ -106,28 +128,6 @@ def find_layout(lines: Sequence[str], where: str, named_line: int | None = None)
     if best is None:
         raise _no_numbers(lines, where)
     return best[1]
-
-
-def find_header(rows: Sequence[Cells | None], named_row: int | None = None) -> Header | None:
-    """Return where a table of cells has names and numbers, or None without a row of numbers.
-
-    A row without cells, or with a comment, is None. `named_row` is the number of the row of names, from 1
-    on, or 0 for none.
-    """
-    kinds = [tuple(map(kind_of, row)) if row else () for row in rows]
-    if named_row:
-        kinds[:named_row] = [()] * min(named_row, len(kinds))
-    have_numbers = ["number" in row or "stamp" in row for row in kinds]
-    columns = _usual_length(
-        [len(row) if has else -len(row) for row, has in zip(kinds, have_numbers, strict=True)]
-    )
-    if not columns:
-        return None
-    usual = _usual_kinds([row for row, has in zip(kinds, have_numbers, strict=True) if has], columns)
-    full = [k for k, row in enumerate(kinds) if have_numbers[k] and len(row) >= columns]
-    start = next((k for k in full if not _contradicts(kinds[k], usual)), full[0])
-    names, units, begin = _names_above(rows, start, columns, named_row)
-    return Header(names, units, start, begin, columns, usual)
 
 
 def _usual_length(lengths: Sequence[int]) -> int:

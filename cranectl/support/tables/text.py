@@ -7,7 +7,7 @@ rewritten line by line.
 import codecs
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from itertools import islice
@@ -15,14 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from cranectl.support.errors import InputError
-from cranectl.support.tables.columns import (
-    MAX_COLUMN_LENGTH,
-    ReadColumn,
-    TableHead,
-    check_rows,
-    from_arrow,
-    not_numbers,
-)
+from cranectl.support.tables.columns import ReadColumn
 from cranectl.support.tables.layout import (
     BLANKS,
     ROWS,
@@ -61,18 +54,9 @@ class _Text(NamedTuple):
 
 
 def read_text(
-    source: Path | bytes,
-    where: str,
-    *,
-    named_line: int | None = None,
-    needs_names: bool = False,
-    longest: int = MAX_COLUMN_LENGTH,
-) -> TableHead:
-    """Return the head of a text file with columns.
-
-    `named_line` is the number of the line of names, 0 for none, or None to look for it. Raises InputError
-    for a file that is no text or has no numbers, and, with `needs_names`, for one without names.
-    """
+    source: Path | bytes, where: str, named_line: int | None, needs_names: bool, longest: int
+) -> tuple[tuple[str, ...], Callable[[int, bool], ReadColumn], tuple[str, ...], tuple[str, ...]]:
+    """Return names of columns, how to load one, units, and what is left out, as `TableHead.of_text`."""
     with io.BytesIO(source) if isinstance(source, bytes) else source.open("rb") as stream:
         encoding = _check(stream, where, longest)
     text = _Text(source, where, encoding)
@@ -82,11 +66,10 @@ def read_text(
         layout = layout._replace(header=_numbered(lines, layout, where))
     header = layout.header
     width = max(header.columns, len(header.names))
-    names = [name or str(k) for k, name in enumerate((*header.names, *[""] * (width - len(header.names))), 1)]
+    padded = (*header.names, *[""] * (width - len(header.names)))
+    names = tuple(name or str(k) for k, name in enumerate(padded, 1))
     units = (*header.units, *[""] * (width - len(header.units)))[:width] if header.units else ()
-    return TableHead(
-        where, tuple(names), partial(_load, text, layout, tuple(names)), units, _skipped(lines, header.begin)
-    )
+    return names, partial(_load, text, layout, names), units, _skipped(lines, header.begin)
 
 
 def _head(text: _Text) -> Iterator[str]:
@@ -130,7 +113,7 @@ def _check(stream: BinaryIO, where: str, longest: int) -> str:
                 decoder.decode(block)
             except UnicodeDecodeError:
                 encoding = "latin-1"
-    check_rows(rows, where, longest)
+    ReadColumn.check_length(rows, where, longest)
     return encoding
 
 
@@ -191,12 +174,14 @@ def _load(text: _Text, layout: Layout, names: tuple[str, ...], column: int, is_c
         if match and layout.has_comma is None and is_numeric(match[1]):  # the first decimals come late
             read = _convert(text, layout, len(names), column, has_comma=True, kind=kind)
         elif match:
-            raise not_numbers(where, names[column], _find(text, layout, column, match[1])) from None
+            raise ReadColumn.not_numbers(
+                where, names[column], _find(text, layout, column, match[1])
+            ) from None
         else:
             for _ in _rewritten(text, layout, len(names)):  # names the line that Arrow does not number
                 pass
             raise
-    values = from_arrow(read, names[column], where, is_clock=is_clock)
+    values = ReadColumn.of_arrow(read, names[column], where, is_clock=is_clock)
     del read
     pa.default_memory_pool().release_unused()  # or an hour at 1 kHz takes 100 MiB more
     return values

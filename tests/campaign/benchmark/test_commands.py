@@ -12,8 +12,9 @@ import pytest
 
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.cli.benchmark import _table_place
-from cranectl.support.documents import leaves, read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.resources import Shipped
+from cranectl.support.trees import Tree
 from tests.campaign.benchmark.conftest import SHORT
 from tests.cli.suggestions import commands_of_page, execute
 from tests.conftest import ROOT
@@ -103,7 +104,7 @@ def test_tuning_an_unknown_controller_touches_no_file(
 ) -> None:
     """The name is checked before the files, which would be outside of --out for this name."""
     monkeypatch.setattr(
-        "cranectl.support.files.FileKind.check_place", lambda *_, **__: pytest.fail("files are checked")
+        "cranectl.support.file_kinds.FileKind.check_place", lambda *_, **__: pytest.fail("files are checked")
     )
     assert "unknown controller" in refused(f"cranectl tune {tmp_path}/ --out {tmp_path}")
 
@@ -256,11 +257,11 @@ def test_tuned_controllers_run_with_tuned_numbers(output: Output, refused: Refus
     assert execute("cranectl tune ./servo.py:SERVO --benchmark small.toml --out tuned") == 0
     assert execute(f"{run} --division tuned") == 0
     file = Path("tuned/servo.toml")
-    numbers = read_toml(file)
+    numbers = TOML.read(file)
     assert numbers["cost"]["full"] < numbers["cost"]["untuned"]
     assert numbers["chosen"] != "untuned"
     manifest = json.loads(Path("out/tuned/mujoco/nominal/short/servo/campaign.json").read_text())
-    expected = {key.rpartition(".")[2]: value for key, value in leaves(numbers["parameters"])}
+    expected = {key.rpartition(".")[2]: value for key, value in Tree(numbers["parameters"]).leaves()}
     assert manifest["scenario"]["controller"]["servo"] == expected
 
     # The page has both divisions and the results of tuning, also if it is made from the table alone.

@@ -23,7 +23,7 @@ from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
 from cranectl.planning import load_scenario
-from cranectl.support.documents import read_toml
+from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError, MachineError
 from cranectl.support.resources import Shipped
 from tests.benchmark.conftest import close_opened_controllers
@@ -94,7 +94,7 @@ def test_written_numbers_give_the_same_cost(tiny: Benchmark, capsys: pytest.Capt
     command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--out", "out", "--runs", "13"]
     assert main([*command, "--json", "output.json"]) == 0
     assert "controller.mine.stiffness" in capsys.readouterr().out
-    written, points = read_toml(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
+    written, points = TOML.read(Path("out/mine.toml")), parquet.read_table("out/mine.parquet")
     output = json.loads(Path("output.json").read_text())
     assert output.pop("files") == ["out/mine.toml", "out/mine.parquet"]
     assert written == output
@@ -245,7 +245,7 @@ def test_controller_that_never_returns_has_the_cost_of_a_stop(tiny: Benchmark) -
 def test_controller_without_variables_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tune", "./mine.py:STIFF", "--benchmark", "tiny.toml", "--out", "out"]) == 0
     assert "stiff has nothing to tune" in capsys.readouterr().out
-    written = read_toml(Path("out/stiff.toml"))
+    written = TOML.read(Path("out/stiff.toml"))
     assert written["parameters"] == {}
     assert written["runs"] == 2
     assert written["chosen"] == "untuned"
