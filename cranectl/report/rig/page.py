@@ -126,8 +126,6 @@ def _draw_frequency(axes: Axes, loops: Loops) -> None:
     run, model = orthonormal(nominal.opening.graph(worst).response(z)), orthonormal(nominal.graph.response(z))
     colour = Palette.LIGHT[SERIES[0]]
     axes.semilogx(omega, distance(run, model), color=colour, label="distance to the design model")
-        omega, distance(run, model), color=Palette.LIGHT[SERIES[0]], label="distance to the design model"
-    )
     margin = smallest_sine(complement(nominal.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=Palette.LIGHT["limit"], label="margin of the loop")
     axes.set(xlabel="angular frequency [rad/s]", ylabel="sine of the angle")
