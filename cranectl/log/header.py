@@ -15,7 +15,7 @@ from mcap.records import Attachment
 
 from cranectl.design import ControllerDesign
 from cranectl.log import topics
-from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
+from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_outcome
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
 from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
@@ -136,7 +136,6 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it names {declared['scenario']} and {declared['controller']}, but attaches others")
-    check_design(design)
     header = LogHeader(
         scenario=scenario,
         design=design,

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cranectl.log import scene, topics
-from cranectl.log.consistency import Sampling, check_design, check_run
+from cranectl.log.consistency import Sampling, check_run
 from cranectl.log.events import events, status_changes
 from cranectl.log.header import (
     OVERLAY,
@@ -155,7 +155,6 @@ def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
     for label, layer in layers.items():
         check_recordable(layer.run.scenario, layer.run.design, layer.run.drive)
         try:
-            check_design(layer.run.design)
             check_run(layer.run, Sampling(layer.run.scenario, layer.every, layer.from_ns))
         except DamageError as error:
             raise LogError(

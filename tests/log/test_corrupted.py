@@ -302,10 +302,6 @@ FAULTS_OF_CONTENTS: dict[str, tuple[Change, str]] = {
     "design of more": (set_json("design.json", extra=1), "not a log"),
     "design without margins": (set_json("design.json", margins=None), "not a log"),
     "design of another order": (more_order, "controller has the signals"),
-    "design of other gains": (
-        set_json("design.json", gain=[39.0, 62.5, 37.5, 10.0]),
-        "follow from its gains",
-    ),
     "design with broken matrices": (
         set_json("design.json", robustifier={"A": [1.0], "B": [[1.0]], "C": [[1.0]], "D": [[0.0], [5.0]]}),
         "contradict each other",
