@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.log import topics
+from cranectl.log.topics import Topics
 from cranectl.mcap_columns import DamageError
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
@@ -122,13 +122,13 @@ def check_run(run: Run, sampling: Sampling) -> None:
     outcome = Outcome.of(run)
     check_outcome(run.plant, outcome, sampling)
     finite = finite_samples(outcome)
-    check_times(topics.plant_topic(run.plant, run.groups[0].name), run.time_ns, sampling, [outcome])
+    check_times(Topics(run.plant).of(run.groups[0].name), run.time_ns, sampling, [outcome])
     for group in run.groups:
-        topic = topics.plant_topic(run.plant, group.name)
+        topic = Topics(run.plant).of(group.name)
         check_numbers(topic, group.names, run.block(group.name)[:finite])
     if not run.has_reference:
         return
-    check_numbers(topics.REFERENCE_LOAD, REFERENCE.names, run.reference)
+    check_numbers(Topics.REFERENCE, REFERENCE.names, run.reference)
     _check_reference(run, finite, planned=sampling.from_ns is None)
 
 

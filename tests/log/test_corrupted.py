@@ -17,7 +17,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema, Statistics
 
-from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log, read_signal
 from cranectl.mcap_columns.records import DamageError, Record, parse
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError, LogError
@@ -134,7 +135,7 @@ def test_wrong_indexes_change_nothing(log: Path, tmp_path: Path, runs: dict[str,
     for plant, run in read_log(path).items():
         assert_same(run, runs[plant])
     assert read_signal(path, SIGNAL)[1].tobytes() == runs["mujoco"].signal("state.alpha").tobytes()
-    assert replace(describe_log(path), path="") == replace(describe_log(log), path="")
+    assert replace(LogDescription.of(path), path="") == replace(LogDescription.of(log), path="")
 
 
 # Faults of the contents.
