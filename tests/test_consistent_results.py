@@ -21,7 +21,7 @@ from cranectl.cases.validation import Validation
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement, AgreementLimits, NoLimits, judge
 from cranectl.compare.runs import compare_runs
-from cranectl.log.reader import LogDescription, TopicDescription
+from cranectl.log.description import LogDescription, TopicDescription
 from cranectl.planning.review import check_duration
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from cranectl.cli.main import main
-from cranectl.log.export import Exporter, choose_exporter, export_table, exporters, write_table
+from cranectl.log.export import Exporter, export_table, exporters
 from cranectl.log.export import ExportTable as Table
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
@@ -57,7 +57,7 @@ def until(run: Run, samples: int) -> Run:
 def write(table: Table, name: str) -> Path:
     """Write a table in the format that the ending of a file names."""
     path = Path(name)
-    write_table(table, path, exporters()[path.suffix[1:]])
+    exporters()[path.suffix[1:]].save(table, path)
     return path
 
 
@@ -275,11 +275,11 @@ def test_selected_signals_keep_the_order_of_the_log(log: Path) -> None:
 
 
 def test_the_format_comes_from_the_option_or_the_ending() -> None:
-    assert choose_exporter(None, None).name == "csv"
-    assert choose_exporter(None, Path("a.mat")).name == "mat"
-    assert choose_exporter(None, Path("a.b.PARQUET")).name == "parquet"
-    assert choose_exporter("mat", None).name == "mat"
-    assert choose_exporter("csv", Path("a.txt")).name == "csv"
+    assert Exporter.choose(None, None).name == "csv"
+    assert Exporter.choose(None, Path("a.mat")).name == "mat"
+    assert Exporter.choose(None, Path("a.b.PARQUET")).name == "parquet"
+    assert Exporter.choose("mat", None).name == "mat"
+    assert Exporter.choose("csv", Path("a.txt")).name == "csv"
 
 
 def test_the_documented_units_match_the_signals() -> None:
@@ -337,7 +337,7 @@ def test_a_full_disk_leaves_the_old_file(runs: list[Run]) -> None:
 
     Path("a.csv").write_text("old")
     with pytest.raises(InputError, match=r"cannot write a.csv: No space left"):
-        write_table(export_table(by_plant(runs)), Path("a.csv"), Exporter("csv", "", b"", write_to_full_disk))
+        Exporter("csv", "", b"", write_to_full_disk).save(export_table(by_plant(runs)), Path("a.csv"))
     assert [path.name for path in Path().iterdir()] == ["a.csv"]
     assert Path("a.csv").read_text() == "old"
 

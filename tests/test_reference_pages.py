@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.log.reader import describe_log
+from cranectl.log.description import LogDescription
 from cranectl.log.writer import write_log
 from cranectl.scenario.settings import Settings
 from docs.figures import PICTURES
@@ -49,6 +49,6 @@ def test_the_settings_page_has_every_key() -> None:
 def test_the_topics_page_has_every_topic_of_a_log(tmp_path: Path) -> None:
     log = write_log(tmp_path / "a.mcap", [recorded_run(plant, "lqr+hinf") for plant in PLANTS])
     page = PAGES["topics"]()
-    for topic in describe_log(log).topics:
+    for topic in LogDescription.of(log).topics:
         name = re.sub(f"^/({'|'.join(PLANTS)})/", "/PLANT/", topic.topic)
         assert f"| `{name}` | `{topic.schema}` |" in page

@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import ArrayLike
 
 import cranectl
-from cranectl.log.topics import FORMER_NAMES
 from cranectl.plants import PLANTS
 from cranectl.support.colours import Palette
 from viewer import panels, pictures
@@ -115,9 +114,6 @@ def test_every_topic_draws_something(studio: Studio, logs: dict[str, Path], scen
     wait_for_crane(studio, name)
     studio.open_settings(name)
     topics = [topic for topic in panel["topics"] if not topic.startswith(("/analytic/", "/elastic/"))]
-    topics = [
-        topic for topic in topics if topic.rpartition("/")[2] not in FORMER_NAMES
-    ]  # these topics exist only in old logs
     assert len(topics) == 6
     for topic in sorted(
         topics, key="/mujoco/model".__ne__

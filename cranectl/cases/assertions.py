@@ -27,7 +27,7 @@ from cranectl.compare import (
     load_tolerances,
     worst_first,
 )
-from cranectl.log import describe_log, read_log, write_log
+from cranectl.log import LogDescription, read_log, write_log
 from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
@@ -218,7 +218,8 @@ def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None
         settings = first_differences(differing_fields(old, new))
         differing = [f"golden and new differ in {setting}" for setting in settings]
     if faults:
-        versions = Provenance.differences(describe_log(golden_log).versions, Provenance.now(), word="new")
+        made_by = LogDescription.of(golden_log).versions
+        versions = Provenance.differences(made_by, Provenance.now(), word="new")
         software = [f"golden was made by other software: {version}" for version in versions]
         where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
         _raise_for([*differing, *faults], [*software, where])
@@ -295,7 +296,9 @@ def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Re
 
 def software_differences(log: Path, other: Path) -> list[str]:
     """Return differences of software that may explain different numbers in two logs."""
-    return Provenance.differences(describe_log(log).versions, describe_log(other).versions, word="other")
+    return Provenance.differences(
+        LogDescription.of(log).versions, LogDescription.of(other).versions, word="other"
+    )
 
 
 def nothing_shared() -> InputError:

@@ -17,13 +17,13 @@ from cranectl.compare import (
     limits_for,
 )
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.log import check_recordable, check_writable, write_log
+from cranectl.log import check_recordable, write_log
 from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
 from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InputError, MachineError
+from cranectl.support import FileKind, InputError, MachineError
 
 LOG_DIRECTORY = Path("logs")
 
@@ -284,7 +284,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     """
     shared = prepare_case(case)
     if case.keep != "none":
-        check_writable(case.log)
+        FileKind.MCAP.check_place(case.log, option="--out")
         check_recordable(case.scenario, shared["design"], case.drive)
     limits = limits_for(case.scenario, case.drive, case.plants)
     runs = simulate_case(case, shared, progress=progress)

@@ -92,10 +92,10 @@ def compare_command(
         )
     from cranectl.cases.assertions import software_differences
     from cranectl.compare import compare_runs, differing_fields, first_differences
-    from cranectl.log import is_overlay, read_layers
+    from cranectl.log import Log
 
-    layers = read_layers(logs[0]) if one else {}
-    if (measured := layers.get("measured")) is not None:
+    alone = Log.read(logs[0]) if one else Log({})
+    if (measured := alone.layers.get("measured")) is not None:
         from cranectl.cli.measured import compare_measured
 
         return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
@@ -108,10 +108,8 @@ def compare_command(
         judge = _judge_directories if directories else _judge
         return judge(logs[0], logs[1], tolerances, screen)
     if one:
-        runs = {name: layer.run for name, layer in layers.items()}
-        return (
-            _compare_labelled(runs, screen) if is_overlay(layers) else _compare_plants(logs[0], runs, screen)
-        )
+        runs = alone.runs
+        return _compare_labelled(runs, screen) if alone.is_overlay else _compare_plants(logs[0], runs, screen)
     if merge is None:
         pairs, software = _pairs(*logs), software_differences(logs[0], logs[1])
     else:
@@ -282,7 +280,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
     from cranectl.compare import differing_fields, merged_pair, refuse_differences
-    from cranectl.log import describe_log, read_log, write_logged
+    from cranectl.log import LogDescription, read_log, write_log
     from cranectl.support import Provenance
 
     runs = [list(read_log(log).values()) for log in (a_log, b_log)]
@@ -294,7 +292,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
                 remedy="use it as it is",
             )
     pair = merged_pair(runs[0][0], runs[1][0])
-    descriptions = [describe_log(log) for log in (a_log, b_log)]
+    descriptions = [LogDescription.of(log) for log in (a_log, b_log)]
     if not despite_differences:
         first, second = (run.plant for run in pair)
         refuse = functools.partial(refuse_differences, described=first)
@@ -302,7 +300,7 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
         for description in descriptions:
             different = Provenance.differences(description.versions, Provenance.now(), harmless=True)
             refuse(f"{description.path} and this installation differ in", different)
-    write_logged(out, pair, descriptions[0].every)
+    write_log(out, pair, every=descriptions[0].every)
     return pair
 
 

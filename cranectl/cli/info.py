@@ -13,7 +13,7 @@ from cranectl.cli.output import Screen
 from cranectl.support import InputError, Quantity
 
 if TYPE_CHECKING:
-    from cranectl.log import Layer, LogDescription
+    from cranectl.log import Log, LogDescription
     from cranectl.scenario import ModelNames
     from cranectl.simulate import Run
 
@@ -108,11 +108,11 @@ def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) ->
 
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
-    from cranectl.log import describe_log, is_overlay, read_layers
+    from cranectl.log import Log, LogDescription
     from cranectl.report.run.tables import topic_table
 
-    layers, description = read_layers(log), describe_log(log)
-    table = (_print_overlay if is_overlay(layers) else _print_plants)(description, layers, screen)
+    read, description = Log.read(log), LogDescription.of(log)
+    table = (_print_overlay if read.is_overlay else _print_plants)(description, read, screen)
     screen.print(topic_table(description))
     screen.write_json({**description.to_json(), **table})
 
@@ -120,9 +120,7 @@ def _print_log(log: Path, screen: Screen) -> None:
 WIDEST = 4  # runs whose settings are told beside each other
 
 
-def _print_overlay(
-    description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
-) -> dict[str, Any]:
+def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases.case import RunSummary
     from cranectl.log import origins
@@ -131,15 +129,15 @@ def _print_overlay(
     from cranectl.report.run.tables import run_table
     from cranectl.support import Provenance
 
-    runs = {label: layer.run for label, layer in layers.items()}
+    runs = log.runs
     made_of: dict[str, list[str]] = {}
     for label, run in runs.items():
         for name, origin in origins(add_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
-    software = Provenance.others({label: layer.versions for label, layer in layers.items()})
+    software = Provenance.others({label: layer.versions for label, layer in log.layers.items()})
     for name, text in (
         ("file", description.path),
-        ("overlay of", ", ".join(layers)),
+        ("overlay of", ", ".join(runs)),
         *(("reference", f"{', '.join(of)}: {origin}") for origin, of in made_of.items()),
         *(("differs", f"{', '.join(of)}: {difference}") for difference, of in software.items()),
         _integrity(description),
@@ -152,9 +150,7 @@ def _print_overlay(
     return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
 
-def _print_plants(
-    description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
-) -> dict[str, Any]:
+def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
     from cranectl.compare import against_reference, judge, worst_agreement
     from cranectl.log import origins
@@ -163,7 +159,7 @@ def _print_plants(
     from cranectl.report.run.differences import settings_table
     from cranectl.support import Provenance
 
-    runs = {name: layer.run for name, layer in layers.items()}
+    runs = log.runs
     run_list = list(runs.values())
     agreements = [
         judge(*pair) for pair in against_reference([run for run in run_list if len(run.time_ns)], runs)

@@ -64,7 +64,7 @@ def ladder_command(
     from cranectl.analysis.levels import LEVELS, NAMES
     from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.log import Layer, check_recordable, check_writable, write_overlay
+    from cranectl.log import Layer, Log, check_recordable
     from cranectl.report.rig.tables import ladder_table
     from cranectl.support import Provenance
 
@@ -72,7 +72,7 @@ def ladder_command(
     loaded = request.load()
     name = controller or loaded.controller.name
     log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
-    check_writable(log)
+    FileKind.MCAP.check_place(log, option="--out")
     check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
     results = []
     with progress_bar(simulated_seconds(loaded, top)) as advance:
@@ -80,7 +80,7 @@ def ladder_command(
             advance(0.0, f"{loaded.name}, {result.level.name}")
             results.append(result)
     made_by = Provenance.now()
-    write_overlay(log, {r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results})
+    Log({r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results}).write_overlay(log)
     screen.print(ladder_table(results))
     added = {result.level.name for result in results}
     unread = [*OF_RUNS, *_other_effects(added)]

@@ -13,7 +13,7 @@ from cranectl.cli.output import Screen, styled
 from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
-    from cranectl.log import Layer
+    from cranectl.simulate import Run
 
 
 @click.command("export", cls=command.Command)
@@ -46,14 +46,14 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.log import choose_exporter, export_table, read_layers, write_table
+    from cranectl.log import Exporter, Log
 
-    exporter = choose_exporter(format_name, out)
+    exporter = Exporter.choose(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
-    layers = read_layers(log)
+    runs = Log.read(log)
     exporter.kind.check_place(path, inputs=[log], option="--out")
-    table = export_table({name: layer.run for name, layer in layers.items()}, patterns)
-    write_table(table, path, exporter)
+    table = runs.table(patterns)
+    exporter.save(table, path)
     size = f"{len(table.time)} samples of {len(table.columns)} signals"
     screen = Screen()
     screen.print(f"export: {path}, {size}")
@@ -90,42 +90,44 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
-    from cranectl.log import is_overlay, read_layers
+    from cranectl.log import Log
     from cranectl.plants import PLANTS
     from cranectl.report.viewer_layouts import layout_json
 
-    layers = read_layers(log) if log else {}
-    rigs = [layer.run.scenario.limited_rig for layer in layers.values()]
-    labels = tuple(layers) if is_overlay(layers) else ()
-    plants = PLANTS.of_logs(plants, () if labels else layers)
-    if layers and not labels:
-        plants = plants or tuple(layers)
-    design = next(iter(layers.values())).run.design if layers else None
+    shown = Log.read(log) if log else Log({})
+    runs = shown.runs
+    rigs = [run.scenario.limited_rig for run in runs.values()]
+    labels = tuple(runs) if shown.is_overlay else ()
+    plants = PLANTS.of_logs(plants, () if labels else runs)
+    if runs and not labels:
+        plants = plants or tuple(runs)
+    design = shown.first.run.design if runs else None
     content = layout_json(
         name,
         plants=plants,
         labels=labels,
         rig=rigs[0] if rigs else None,
         logged=design.signals if design and design.axis_design is None else None,
-        recorded=_signals_without_reference(layers),
+        recorded=_signals_without_reference(runs),
     )
     with File(out).writing():
         File(out).write_text(content)
     Screen().print(f"layout: {out}; in Foxglove: Layouts, Import from file")
 
 
-def _signals_without_reference(layers: Mapping[str, "Layer"]) -> set[str] | None:
+def _signals_without_reference(runs: Mapping[str, "Run"]) -> set[str] | None:
     """Return topic and field of all signals of runs without a reference; None if all runs have one."""
-    from cranectl.log import DISTANCE, STEP, plant_topic
+    from cranectl.log import Topics
     from cranectl.signals import SignalGroup
 
-    if all(layer.run.has_reference for layer in layers.values()):
+    if all(run.has_reference for run in runs.values()):
         return None
-    between = {DISTANCE.name: DISTANCE, STEP: DISTANCE, "reference": SignalGroup.REFERENCE}
+    between = dict.fromkeys((Topics.DISTANCE.name, Topics.STEP), Topics.DISTANCE)
+    between["reference"] = SignalGroup.REFERENCE
     groups = {
-        plant_topic(label, name): group
-        for label, layer in layers.items()
-        for name, group in [*between.items(), *((group.name, group) for group in layer.run.groups)]
+        Topics(label).of(name): group
+        for label, run in runs.items()
+        for name, group in [*between.items(), *((group.name, group) for group in run.groups)]
     }
     return {f"{topic}.{name}" for topic, group in groups.items() for name in group.names}
 
@@ -151,11 +153,11 @@ def overlay_logs(
     """
     from cranectl.cases.case import LOG_DIRECTORY
     from cranectl.compare import against_first
-    from cranectl.log import gather_layers, write_overlay
+    from cranectl.log import Log
     from cranectl.report.run.differences import distances_table
 
-    layers = gather_layers(logs, labels=labels, plants=plants)
-    runs = {label: layer.run for label, layer in layers.items()}
+    gathered = Log.gather(logs, labels=labels, plants=plants)
+    runs = gathered.runs
     if len(runs) < 2:
         raise InputError(
             f"{logs[0]} alone, of which one run is taken",
@@ -165,7 +167,7 @@ def overlay_logs(
     path = out or LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
     FileKind.MCAP.check_place(path, inputs=logs, option="--out")
     comparisons = against_first(runs)
-    write_overlay(path, layers)
+    gathered.write_overlay(path)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:
         screen.print(styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
@@ -200,6 +202,9 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
         screen.print(f"  {run.plant}: {run.status} at {run.end_s:g} s, {run.samples}{expected} samples")
     if recovery.lost:
         screen.print(f"  the last {recovery.lost} of {recovery.size} bytes are no whole chunk, and lost")
+    if count := len(recovery.left_out):
+        topics = "1 topic is" if count == 1 else f"{count} topics are"
+        screen.print(f"  {topics} left out, of other tools or versions: {', '.join(recovery.left_out)}")
     screen.print(f"log: {recovery.log}")
     screen.write_json(recovery.to_json())
 

@@ -41,7 +41,7 @@ def compare_measured(
     """Print measured minus predicted of each signal, and write both as an overlay to `out`."""
     import numpy as np
 
-    from cranectl.log import Layer, write_overlay
+    from cranectl.log import Layer, Log
     from cranectl.measured.comparison import predict
     from cranectl.measured.replay import REPEATED, default_replay
     from cranectl.plants import REFERENCE_PLANT, examine, plant_named
@@ -75,7 +75,7 @@ def compare_measured(
             screen.print(f"the prediction ended early: {prediction.status.label} at {prediction.end_s:g} s")
     if out is not None:
         labelled = {f"predicted-{plant}": Layer(p, 1, Provenance.now()) for plant, p in predicted.items()}
-        write_overlay(out, {MEASURED_LABEL: measured, **labelled})
+        Log({MEASURED_LABEL: measured, **labelled}).write_overlay(out)
         screen.print(f"log: {out}")
         screen.print(f"see it over time: cranectl report {shlex.quote(str(out))}")
     screen.write_json(

@@ -1,5 +1,6 @@
 """Runs of a measured crane: in measured files with a map, and in logs of `cranectl log import`."""
 
+import re
 import shlex
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -10,7 +11,7 @@ import click
 
 from cranectl.cli import command
 from cranectl.cli.output import Screen
-from cranectl.support import InputError, LogError
+from cranectl.support import FileKind, InputError, LogError
 
 if TYPE_CHECKING:
     from cranectl.measured.importing import Imported
@@ -113,10 +114,8 @@ def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
 
 
 def _is_mcap(path: Path) -> bool:
-    from cranectl.mcap_columns import MAGIC
-
     with suppress(OSError), path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+        return bool(re.match(FileKind.MCAP.begins, file.read(16)))
     return True  # for the reader of logs, which says why it cannot be read
 
 

@@ -55,12 +55,11 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
-    from cranectl.log import gather_layers, read_layers
+    from cranectl.log import Log
     from cranectl.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
-    layers = gather_layers(logs, labels=labels) if labels or len(logs) > 1 else read_layers(logs[0])
-    runs = {name: layer.run for name, layer in layers.items()}
+    runs = (Log.gather(logs, labels=labels) if labels or len(logs) > 1 else Log.read(logs[0])).runs
     with progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.suffix == ".png" else f"video of {shown:g} s"

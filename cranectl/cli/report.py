@@ -47,7 +47,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
-    from cranectl.log import is_overlay, read_layers
+    from cranectl.log import Log
     from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_figures
     from cranectl.report.run.page import log_page
@@ -56,12 +56,11 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
     for label, log in zip(short_names(logs), logs, strict=True):
-        layers = read_layers(log)
-        if not is_overlay(layers):
-            of_logs[label] = {plant: layer.run for plant, layer in layers.items()}
-            versions[label] = next(iter(layers.values())).versions
+        read = Log.read(log)
+        if not read.is_overlay:
+            of_logs[label], versions[label] = read.runs, read.first.versions
             continue
-        for name, layer in layers.items():
+        for name, layer in read.layers.items():
             of_run = name if len(logs) == 1 else f"{label}: {name}"
             of_logs[of_run], versions[of_run] = {layer.run.plant: layer.run}, layer.versions
     _check_number(len(of_logs))

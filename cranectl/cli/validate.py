@@ -111,7 +111,6 @@ def validate_command(
     from cranectl.cases.validation import Validation, junit_cases
     from cranectl.cases.workers import available_cores, run_cases
     from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.log import check_writable
     from cranectl.plants import DRIVES, PLANTS, Drive
     from cranectl.report.run.differences import pair_tables
     from cranectl.scenario import scenario_names
@@ -152,7 +151,7 @@ def validate_command(
     check_logs_differ(cases)
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     if cases:
-        check_writable(out / "any.mcap")  # once, not by every case
+        FileKind.MCAP.check_place(out / "any.mcap", option="--out")  # once, not by every case
     with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
 
         def done(case: "Case") -> None:

@@ -18,4 +18,3 @@ from .records import Margins as Margins
 from .records import Origin as Origin
 from .records import Robustifier as Robustifier
 from .records import Value as Value
-from .records import closed_loop_matrix as closed_loop_matrix

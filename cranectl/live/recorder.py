@@ -10,26 +10,13 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
 
-import foxglove
 from filelock import FileLock, Timeout
 
-from cranectl.live.viewers import Publisher
-from cranectl.log import (
-    FAILURES,
-    KeptError,
-    Outcome,
-    check_complete,
-    check_recordable,
-    file_attachments,
-    file_metadata,
-    open_file,
-    outcome_metadata,
-    topics,
-    unfinished,
-)
+from cranectl.log import Channels, LogFile, Topics
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -92,59 +79,38 @@ def _release(lock: FileLock) -> None:
     lock.release()
 
 
-def _write_end(file: foxglove.MCAPWriter, outcomes: Sequence[tuple[str, Outcome]], text: str) -> None:
-    """Write how the plants' runs ended, and a scenario that repeats the driving by hand; close the file."""
-    for plant, outcome in outcomes:
-        file.write_metadata(f"run/{plant}", outcome_metadata(outcome))
-    if text:
-        data = text.encode()
-        file.attach(log_time=0, create_time=0, name=DRIVEN, media_type="application/toml", data=data)
-    file.close()
-
-
 class _DiscardedError(Exception):
     """Discards a file without motion."""
 
 
 class Recorder:
-    """Writes the messages of a publisher to files, and renames each file after closing and checking it."""
+    """Writes the messages of channels to files, and renames each file after closing and checking it."""
 
-    def __init__(self, path: Path, context: foxglove.Context, publisher: Publisher) -> None:
+    def __init__(self, path: Path, channels: Channels) -> None:
         """Prepare to record at `path`, which `reserve_recording` has locked for this session."""
         self.files: list[Path] = []  # that are closed
-        self._first, self._context, self._publisher = path, context, publisher
+        self._first, self._channels = path, channels
         self._path = path  # of the file that is open
-        self._replacement = contextlib.ExitStack()  # renames the file after it is closed
-        self._part: Path | None = None
-        self._target: KeptError | None = None
-        self._file: foxglove.MCAPWriter | None = None
+        self._file: LogFile | None = None
+        self._closing = contextlib.ExitStack()  # closes, checks and renames the file
         self._before: Counter[str] = Counter()
 
     def begin(self, runs: Sequence[Run], from_ns: int, reason: str) -> None:
         """Open the next file for all messages from now on; of `runs` only the settings count.
 
-        `from_ns` and `reason` say when and why the segment begins. Raises LogError, and InputError as
-        `check_recordable` does.
+        `from_ns` and `reason` say when and why the segment begins. Raises LogError, and InputError for runs
+        that no log can hold.
         """
-        check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
-        path = self._path = next_file(self._first)
-        try:
-            self._part = self._replacement.enter_context(File(path).replacing(keep_after=FAILURES))
-            metadata = file_metadata(runs, runs[0].scenario.log.every)
-            for run in runs:
-                del metadata[f"run/{run.plant}"]  # known only at the end
-            number = str(len(self.files) + 1)
-            metadata["live"] = {"segment": number, "from_ns": str(from_ns), "reason": reason}
-            self._target = KeptError(self._part)
-            self._file = open_file(self._target, self._context, metadata, file_attachments(runs))
-        except FAILURES as error:
-            raise unfinished(path, self._part, error, remedy=REMEDY) from None
-        self._before = self._publisher.sent.copy()
+        self._path = next_file(self._first)
+        session = {"segment": str(len(self.files) + 1), "from_ns": str(from_ns), "reason": reason}
+        file = LogFile.of_session(self._path, self._channels, runs, session, remedy=REMEDY)
+        self._file = self._closing.enter_context(file)
+        self._before = self._channels.sent.copy()
 
     @property
     def error(self) -> OSError | None:
         """Why the file that is open cannot be written to its end, if so."""
-        return self._target.error if self._target else None
+        return self._file.error if self._file else None
 
     def finish(self, runs: Sequence[Run], completed: bool, driven: Scenario | None = None) -> None:
         """Close the file and record in it how `runs` ended; a file without motion is discarded.
@@ -155,25 +121,21 @@ class Recorder:
         """
         if self._file is None:
             return
-        path, part, file, target = self._path, self._part, self._file, self._target
-        assert part is not None
-        assert target is not None
-        self._file = self._target = None
-        sent = self._publisher.sent - self._before
+        path, file, self._file = self._path, self._file, None
+        sent = self._channels.sent - self._before
         running = RunStatus.COMPLETED if completed else RunStatus.INTERRUPTED
-        try:
-            with Interruption.delayed(), contextlib.suppress(_DiscardedError), self._replacement:
-                samples = {run.plant: sent[topics.plant_topic(run.plant, "state")] for run in runs}
-                text = "" if driven is None else TOML.text(driven.model_dump(exclude_unset=True))
-                states = {run.plant: run.status if run.status.stopped else running for run in runs}
-                outcomes = [(r.plant, Outcome(states[r.plant], r.end_ns, samples[r.plant])) for r in runs]
-                with target:
-                    _write_end(file, outcomes, text)
+        samples = {run.plant: sent[Topics(run.plant).of("state")] for run in runs}
+        text = "" if driven is None else TOML.text(driven.model_dump(exclude_unset=True))
+        with Interruption.delayed(), contextlib.suppress(_DiscardedError):
+            with self._closing:
+                for run in runs:
+                    ended = run if run.status.stopped else replace(run, status=running)
+                    file.end(ended, samples[run.plant])
+                if text:
+                    file.attach_toml(DRIVEN, text)
                 if max(samples.values()) <= 1 and not any(run.status.stopped for run in runs):
                     raise _DiscardedError
-                check_complete(part, sent.total())
-                self.files.append(path)
-                if text:
+            self.files.append(path)
+            if text:
+                with File(path).writing(remedy=REMEDY, error=LogError):
                     File(path.with_suffix(f".{DRIVEN}")).write_text(text)
-        except FAILURES as error:
-            raise unfinished(path, self._part, error, remedy=REMEDY) from None

@@ -9,8 +9,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import foxglove
-
 from cranectl.live.child_session import ChildSession
 from cranectl.live.commands import (
     Command,
@@ -24,11 +22,10 @@ from cranectl.live.commands import (
     tunable_values,
 )
 from cranectl.live.hand import RELEASED, HandRequest
-from cranectl.live.increments import Increments
 from cranectl.live.recorder import Recorder
 from cranectl.live.session import Session
-from cranectl.live.viewers import Address, Listener, Publisher, as_parameters, listen
-from cranectl.log import Event, log_lines
+from cranectl.live.viewers import Address, Listener, as_parameters, listen
+from cranectl.log import Channels, LiveMessages
 from cranectl.scenario import NANOSECONDS
 from cranectl.support import InputError
 
@@ -58,7 +55,6 @@ class Pace:
 
 COMMAND_INTERVAL = 0.02  # [s] of real time between two executions of commands
 IDLE_INTERVAL = 0.05  # [s] the same while nothing moves
-SOURCE = "live"  # name of the source of log lines that come from no plant
 
 
 class LiveServer:
@@ -70,17 +66,16 @@ class LiveServer:
         """Start to listen, or raise InputError; record at `record`, which `reserve_recording` has locked."""
         session.prepare()
         self._session, self._controls = session, controls
-        self._context = foxglove.Context()
-        self._publisher = Publisher(self._context)
+        self._channels = Channels()
         self._runs = session.advance(0)
         self._recorded: set[str] = set()  # plants in the file that is open
         self._driven = False  # whether a user has driven by hand since the start
         self._told: OSError | None = None  # error of the recording that viewers were told
         plants = [run.plant for run in self._runs]
-        self._increments = Increments(session.scenario, session.plan, plants)
+        self._messages = LiveMessages(session.scenario, session.plan, plants)
         self._listener = Listener(controls)
-        self._server, self._guard = listen(address, session.scenario.name, self._listener, self._context)
-        self._recorder = Recorder(record, self._context, self._publisher)
+        self._server, self._guard = listen(address, session.scenario.name, self._listener, self._channels)
+        self._recorder = Recorder(record, self._channels)
         self.recorded = self._recorder.files  # that are closed
         self.port = self._guard.port
 
@@ -107,7 +102,7 @@ class LiveServer:
             missed = self._listener.subscribed()
             if missed:
                 self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
-                self._publisher.resend(missed)
+                self._channels.resend(missed)
             if self._controls.paused or not self._session.moving:
                 idle = True
                 stop.wait(IDLE_INTERVAL)
@@ -129,7 +124,7 @@ class LiveServer:
         self._runs = self._session.advance(samples)
         # Send the clock first: open viewers take it as the time of the messages that follow.
         self._server.broadcast_time(self._session.now_ns - self._session.scenario.period_ns)
-        self._publisher.send(self._increments.messages(self._runs, self._session.origin_ns))
+        self._channels.send(self._messages.messages(self._runs, self._session.origin_ns))
         if (error := self._recorder.error) and error is not self._told:
             self._told = error
             self._say(f"the recording has ended: {error.strerror or error}", warning=True)
@@ -150,7 +145,7 @@ class LiveServer:
             self._finish_recording()
             self._session.reset()
             self._driven = False
-            self._increments.start()
+            self._messages.start()
             self._begin_recording("reset")
             self._advance(1)  # shows the start even if the session is paused
 
@@ -173,15 +168,14 @@ class LiveServer:
             elif request != RELEASED and not self._driven:
                 self._say("driven by hand")
             if request != RELEASED and not self._driven:
-                self._increments.begin_hand_driving(self._session.now_ns - self._session.origin_ns)
+                self._messages.begin_hand_driving(self._session.now_ns - self._session.origin_ns)
                 self._driven = True
         except InputError as error:
             self._say(refusal_line("driving by hand", error), warning=True)
 
     def _say(self, message: str, *, warning: bool = False) -> None:
         """Write a line to `/log` with the time of the newest message."""
-        event = Event(self._publisher.time_ns, SOURCE, message, warning)
-        self._publisher.send([log_lines([event])])
+        self._channels.send(self._messages.said(self._channels.time_ns, message, warning=warning))
 
     def _begin_recording(self, reason: str) -> None:
         """Begin a new recording if any plant moves, and send the messages that a recording starts with."""
@@ -190,12 +184,12 @@ class LiveServer:
         self._recorded = {run.plant for run in moving}
         if moving:
             self._recorder.begin(moving, self._session.now_ns, reason)
-        self._publisher.send(self._increments.opening_messages(runs, self._session.now_ns))
+        self._channels.send(self._messages.opening_messages(runs, self._session.now_ns))
         self._say(reason)
 
     def _finish_recording(self) -> None:
         """Send the remaining messages and close the recording."""
-        self._publisher.send(self._increments.unsent_samples())
+        self._channels.send(self._messages.unsent_samples())
         session = self._session
         duration_ns = session.scenario.steps * session.scenario.period_ns
         completed = session.now_ns - session.origin_ns > duration_ns

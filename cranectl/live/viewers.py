@@ -1,13 +1,11 @@
 """Connect viewers: the server, its parameters and services, and the channels to viewers and recording."""
 
 import json
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import SimpleQueue
 
 import foxglove
-from foxglove._foxglove_py import BaseChannel
 from foxglove.websocket import (
     Capability,
     ChannelView,
@@ -24,7 +22,7 @@ from foxglove.websocket import (
 
 from cranectl.live.commands import Controls, Value, drain
 from cranectl.live.guard import Guard, hidden_host
-from cranectl.log import Stream, in_order, open_channel, topics
+from cranectl.log import Channels
 from cranectl.support import InputError
 
 VELOCITY_TOPIC = "/wish"  # the topic on which clients drive by hand
@@ -103,7 +101,7 @@ class Listener(ServerListener):
 
 
 def listen(
-    address: Address, name: str, listener: Listener, context: foxglove.Context
+    address: Address, name: str, listener: Listener, channels: Channels
 ) -> tuple[WebSocketServer, Guard]:
     """Start the server and its guard; raise InputError if they cannot listen at the address."""
     host = hidden_host()
@@ -115,7 +113,7 @@ def listen(
         server_listener=listener,
         supported_encodings=["json"],
         services=listener.services(),
-        context=context,
+        context=channels.context,
         message_backlog_size=BACKLOG,
     )
     try:
@@ -146,7 +144,7 @@ def _service(
     return Service(
         f"/{name}",
         schema=ServiceSchema(
-            f"{topics.PACKAGE}.{title}",
+            f"cranectl.{title}",
             request=_json_schema(f"{title}Request", fields),
             response=_json_schema(f"{title}Response", text),
         ),
@@ -156,51 +154,7 @@ def _service(
 
 def _json_schema(name: str, properties: Mapping[str, object]) -> MessageSchema:
     data = json.dumps({"type": "object", "properties": properties}).encode()
-    full_name = f"{topics.PACKAGE}.{name}"
+    full_name = f"cranectl.{name}"
     return MessageSchema(
         encoding="json", schema=foxglove.Schema(name=full_name, encoding="jsonschema", data=data)
     )
-
-
-class Publisher:
-    """Sends messages on one channel for each topic; callers send in the order of time."""
-
-    def __init__(self, context: foxglove.Context) -> None:
-        self.sent: Counter[str] = Counter()  # messages by topic
-        self.time_ns = 0  # of the newest message
-        self._context = context
-        self._channels: dict[str, BaseChannel] = {}
-        self._latest: dict[str, bytes] = {}
-
-    def send(self, streams: Sequence[Stream]) -> None:
-        """Send all messages in the order of time."""
-        if not streams:
-            return
-        for stream in streams:
-            self._open(stream)
-            if stream.messages and not stream.metadata and stream.topic != topics.LOG:
-                self._latest[stream.topic] = stream.messages[-1]
-        for k, time_ns, message in in_order(streams):
-            self._log(streams[k].topic, message, time_ns)
-
-    def resend(self, topics: Iterable[str]) -> None:
-        """Send the newest messages of some topics again, for viewers that subscribed after them.
-
-        It does not repeat signals and text, because they do not describe the present state.
-        """
-        for topic in sorted(self._latest.keys() & set(topics)):
-            self._log(topic, self._latest[topic], self.time_ns)
-
-    def _log(self, topic: str, message: bytes, time_ns: int) -> None:
-        self._channels[topic].log(message, log_time=time_ns)
-        self.time_ns = time_ns
-        self.sent[topic] += 1
-
-    def _open(self, stream: Stream) -> None:
-        channel = self._channels.get(stream.topic)
-        if channel is not None and channel.schema_name() == stream.schema_name:
-            return
-        if channel is not None:
-            # Another robustifier has another message type. Viewers refuse a second channel of the same topic.
-            channel.close()
-        self._channels[stream.topic] = open_channel(self._context, stream)

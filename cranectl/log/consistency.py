@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design import ControllerDesign, closed_loop_matrix
-from cranectl.log import topics
+from cranectl.log.topics import Topics
 from cranectl.mcap_columns import DamageError
-from cranectl.plants import PLANTS
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import ALPHA, BETA, ROPE, TENSION, SignalGroup, Z
+from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import Array
@@ -108,17 +106,10 @@ def _seconds(time_ns: int) -> str:
 COMPARED_SAMPLES = 100  # of the reference, evenly over the run; all would take as long as reading the log
 COSINE_ROUNDING = 1e-9  # relative error of the reference, since cosines differ between machines
 
-# Largest relative error of the characteristic polynomial's coefficients, without and with a robustifier.
-# Without one the same matrix is used again (5e-11 measured over all poles that a scenario allows). A
-# robustifier is logged in another form than its poles were computed from (1e-10 measured for the shipped
-# designs, and up to 0.04 for 325 random ones).
-POLYNOMIAL_ERROR = {False: 1e-6, True: 0.25}
-
 
 def check_runs(runs: Sequence[Run], every: int) -> None:
     """Raise DamageError unless these runs, logged with every n-th sample, make a log that can be read."""
     first = runs[0]
-    check_design(first.design)
     sampling = Sampling(first.scenario, every)
     for run in runs:
         if run.groups != first.groups or [other.plant for other in runs].count(run.plant) > 1:
@@ -131,17 +122,14 @@ def check_run(run: Run, sampling: Sampling) -> None:
     outcome = Outcome.of(run)
     check_outcome(run.plant, outcome, sampling)
     finite = finite_samples(outcome)
-    check_times(topics.plant_topic(run.plant, run.groups[0].name), run.time_ns, sampling, [outcome])
+    check_times(Topics(run.plant).of(run.groups[0].name), run.time_ns, sampling, [outcome])
     for group in run.groups:
-        topic = topics.plant_topic(run.plant, group.name)
+        topic = Topics(run.plant).of(group.name)
         check_numbers(topic, group.names, run.block(group.name)[:finite])
     if not run.has_reference:
         return
-    check_numbers(topics.REFERENCE_LOAD, SignalGroup.REFERENCE.names, run.reference)
+    check_numbers(Topics.REFERENCE, SignalGroup.REFERENCE.names, run.reference)
     _check_reference(run, finite, planned=sampling.from_ns is None)
-    is_ours = run.plant in PLANTS and PLANTS[run.plant].is_own
-    if is_ours and outcome.status in WITH_LAST_SAMPLE and finite >= MIN_MEAN_SAMPLES:
-        _check_tension(run, finite)
 
 
 def finite_samples(outcome: Outcome) -> int:
@@ -157,24 +145,6 @@ def check_numbers(topic: str, names: Sequence[str], values: Array) -> None:
         raise DamageError(f"{topic[1:]}.{names[column]} is {values[row, column]} in sample {row}")
 
 
-def check_design(design: ControllerDesign) -> None:
-    """Raise DamageError unless the poles of a design are stable and follow from its gains and robustifier."""
-    axis = design.axis_design
-    if axis is None:
-        return
-    with np.errstate(all="ignore"):  # damaged numbers may overflow
-        loop = closed_loop_matrix(axis.gain, axis.robustifier)
-        poles = np.linalg.eigvals(loop) if np.isfinite(loop).all() else np.full(len(loop), np.nan)
-        expected = np.poly(poles)
-        declared = np.atleast_1d(np.poly(axis.closed_loop_poles))  # without poles `np.poly` returns a number
-        tolerance = POLYNOMIAL_ERROR[axis.robustifier.order > 0]
-        close = declared.shape == expected.shape and abs(declared - expected) <= tolerance * abs(expected)
-    if not poles.real.max() < 0.0:
-        raise DamageError("the gains of its design do not stabilise the loop")
-    if not np.all(close):
-        raise DamageError("the poles of its design do not follow from its gains")
-
-
 def _check_reference(run: Run, finite: int, *, planned: bool) -> None:
     """Compare the reference with the tracking error of every sample, and with the scenario if `planned`."""
     errors = run.block("error")[:finite]
@@ -188,33 +158,3 @@ def _check_reference(run: Run, finite: int, *, planned: bool) -> None:
         allowed = COSINE_ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))
         if (np.abs(logged - expected) > allowed).any():
             raise DamageError("the reference does not follow from its scenario")
-
-
-MIN_MEAN_SAMPLES = 20  # samples of a run whose mean force is checked
-# Largest error of the mean force on the load, relative to its weight: with a taut rope, and with a rope that
-# goes slack. Sampling causes 0.01 in all shipped cases. When a slack rope catches the load, the samples miss
-# the moments of the largest pull, which causes 0.14.
-FORCE_ERROR = {False: 0.25, True: 0.75}
-
-
-def _check_tension(run: Run, finite: int) -> None:
-    """Compare the mean pull of the rope with the force that the scenario's load needs by Newton's law."""
-    rig, rope = run.scenario.rig, run.scenario.effects.rope
-    time = run.time_ns[:finite] / NANOSECONDS
-    load, state = run.block("load")[:finite], run.block("state")[:finite]
-    lift = load[:, TENSION] * np.cos(state[:, ALPHA]) * np.cos(state[:, BETA])
-    if SignalGroup.LOAD_FORCE in run.groups:
-        lift = lift + run.block(SignalGroup.LOAD_FORCE.name)[:finite, Z]
-    rise = np.diff(load[[0, -1], SignalGroup.LOAD.names.index("load_z_dot")])[0] / (time[-1] - time[0])
-    mass = rig.hanging_mass(run.scenario.effects)
-    needed = mass * (rig.gravity + rise)
-    pushed = np.abs(run.block("disturbance")[:finite]).sum(axis=1) * state[:, ROPE]
-    allowed = FORCE_ERROR[bool((load[:, TENSION] <= 0.0).any())] * mass * rig.gravity
-    allowed += rig.load_mass * float(pushed.mean())
-    allowed += rope.mass * float(state[:, ROPE].max()) * rig.gravity if rope else 0.0
-    lifts = (float(np.trapezoid(lift, time)) / (time[-1] - time[0]), float(np.median(lift)))
-    if min(abs(mean - needed) for mean in lifts) > allowed:
-        raise DamageError(
-            f"the rope of {run.plant} lifts {lifts[1]:.3g} N, "
-            f"but the load of its scenario needs {needed:.3g} N"
-        )

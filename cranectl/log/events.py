@@ -1,6 +1,6 @@
 """Describe a run in words and states for viewers: its start, disturbances, violations and end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -123,24 +123,41 @@ def disturbed(disturbances: Array) -> NDArray[np.int64]:
 
 def events(run: Run) -> list[Event]:
     """Return the events of one run in the order of time."""
-    planned = [event for event in scenario_events(run.scenario, run.plant) if event.time_ns < run.end_ns]
-    observed, _ = condition_events(run, Conditions())
-    during = sorted([start_event(run, 0), *planned, *observed], key=lambda event: event.time_ns)
-    return [*during, end_event(run)]
+    return sorted(EventsOfParts().of(run, 0, is_whole=True), key=lambda event: event.time_ns)
 
 
-def start_event(run: Run, time_ns: int) -> Event:
-    """Return the event of the start of a run."""
-    return Event(time_ns, run.plant, f"{run.scenario.name} with {run.design.name}, {run.drive} drives")
+@dataclass
+class EventsOfParts:
+    """Finds the events of a run, or of parts of it that come one after the other."""
+
+    newest_ns: int | None = None  # time of the newest sample
+    conditions: Conditions = field(default_factory=Conditions)
+    is_stopped: bool = False
+
+    def of(self, run: Run, origin_ns: int, *, is_whole: bool = False) -> list[Event]:
+        """Return the events of the next part, or of a whole run; its scenario started at `origin_ns`."""
+        found, before = [], origin_ns - 1 if self.newest_ns is None else self.newest_ns
+        if is_whole or (self.newest_ns is None and len(run.time_ns)):
+            start = f"{run.scenario.name} with {run.design.name}, {run.drive} drives"
+            found.append(Event(origin_ns, run.plant, start))
+        last = run.end_ns - 1 if is_whole else int(run.time_ns[-1:].max(initial=before))
+        planned = [
+            replace(event, time_ns=event.time_ns + origin_ns)
+            for event in _scenario_events(run.scenario, run.plant)
+        ]
+        found += [event for event in planned if before < event.time_ns <= last]
+        observed, self.conditions = _condition_events(run, self.conditions)
+        found += observed
+        if is_whole or (run.status.stopped and not self.is_stopped):
+            end = f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
+            found.append(Event(run.end_ns, run.plant, end, warning=run.status.stopped))
+        self.is_stopped = run.status.stopped
+        if len(run.time_ns):
+            self.newest_ns = last
+        return found
 
 
-def end_event(run: Run) -> Event:
-    """Return the event of the end of a run, with its reason."""
-    end = f"{run.status.label} at {run.end_s:g} s: {run.status.explanation}"
-    return Event(run.end_ns, run.plant, end, warning=run.status.stopped)
-
-
-def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
+def _scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     """Return the planned events: segments of the reference, then disturbances."""
     planned = []
     if scenario.reference.segments:
@@ -155,7 +172,7 @@ def scenario_events(scenario: Scenario, plant: str) -> list[Event]:
     return planned
 
 
-def condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
+def _condition_events(run: Run, before: Conditions) -> tuple[list[Event], Conditions]:
     """Return events of axes that leave the workspace, drives at their limits, and a slack rope.
 
     Axes and rope have another event when they recover. Each drive has one event only, at its first limit,

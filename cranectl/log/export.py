@@ -71,6 +71,26 @@ class Exporter:
         """The kind of its files."""
         return FileKind(self.title, self.begins)
 
+    @classmethod
+    def choose(cls, name: str | None, out: Path | None) -> "Exporter":
+        """Return the exporter `name`, else that of the ending of `out`, or csv; else raise InputError."""
+        known = exporters()
+        ending = name or (out.suffix.removeprefix(".").lower() if out else "csv")
+        if ending in known:
+            return known[ending]
+        if name:
+            raise InputError.unknown("format", name, known)
+        raise InputError(
+            f"the ending of {out} names no format",
+            allowed=", ".join(f".{name}" for name in known),
+            remedy="choose such an ending, or add --format",
+        )
+
+    def save(self, table: ExportTable, path: Path) -> None:
+        """Write `table` to `path` in one atomic step; raise InputError if that fails."""
+        with File(path).writing(remedy="choose another place with --out"), File(path).replacing() as part:
+            self.write(table, part)
+
 
 def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> ExportTable:
     """Return the signals that match any of `patterns`, by default all signals.
@@ -102,27 +122,6 @@ def export_table(runs: Mapping[str, Run], patterns: Sequence[str] = ()) -> Expor
 def exporters() -> dict[str, Exporter]:
     """Return our exporters and those of installed packages by name; raise InputError for an invalid one."""
     return Extensions.EXPORTERS.join({own.name: own for own in EXPORTERS}, Exporter)
-
-
-def choose_exporter(name: str | None, out: Path | None) -> Exporter:
-    """Return the exporter `name`, else that of the ending of `out`, or csv; raise InputError for others."""
-    known = exporters()
-    ending = name or (out.suffix.removeprefix(".").lower() if out else "csv")
-    if ending in known:
-        return known[ending]
-    if name:
-        raise InputError.unknown("format", name, known)
-    raise InputError(
-        f"the ending of {out} names no format",
-        allowed=", ".join(f".{name}" for name in known),
-        remedy="choose such an ending, or add --format",
-    )
-
-
-def write_table(table: ExportTable, path: Path, exporter: Exporter) -> None:
-    """Write `table` to `path` in one atomic step; raise InputError if that fails."""
-    with File(path).writing(remedy="choose another place with --out"), File(path).replacing() as part:
-        exporter.write(table, part)
 
 
 def _by_label(runs: Mapping[str, Run]) -> bool:

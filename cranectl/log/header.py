@@ -8,14 +8,14 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from mcap.records import Attachment
 
 from cranectl.design import ControllerDesign
-from cranectl.log import topics
-from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_design, check_outcome
-from cranectl.mcap_columns import MAX_DEFINITION, DamageError, UnsupportedError, foreign
+from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_outcome
+from cranectl.log.topics import Topics, group_schema
+from cranectl.mcap_columns import MAX_DEFINITION, DamageError, McapFile, UnsupportedError
 from cranectl.plants import PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import Signal, SignalGroup
@@ -29,6 +29,9 @@ GROUPS = "groups.json"  # attachment: the groups of signals of runs without a re
 FILTERED = "keep metadata and attachments: mcap filter --include-metadata --include-attachments"
 OVERLAY = "overlay"  # name of the metadata of an overlay: a log with a header for each label
 OVERLAY_FORMAT = "1"
+
+T = TypeVar("T")
+
 # The documents that a log attaches, and a remedy for each that is too large.
 _SMALLER = "move large data into files that they name"
 _REMEDIES = {
@@ -64,16 +67,14 @@ class LogHeader(Sampling):
     @property
     def reference_topic(self) -> str:
         """Topic of the reference that the runs follow."""
-        return (
-            topics.plant_topic(self.label, topics.OVERLAY_REFERENCE) if self.label else topics.REFERENCE_LOAD
-        )
+        return Topics(self.label).reference if self.label else Topics.REFERENCE
 
     def groups_of(self, plant: str) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of one plant, by topic."""
         recorded = self.own_groups
         if recorded is None:
             recorded = groups_of(self.scenario, self.design, self.drive)
-        return {topics.plant_topic(self.label or plant, group.name): group for group in recorded}
+        return {Topics(self.label or plant).of(group.name): group for group in recorded}
 
     def groups(self) -> dict[str, SignalGroup]:
         """Return the recorded groups of signals of all plants and the reference, by topic."""
@@ -83,15 +84,15 @@ class LogHeader(Sampling):
         )
 
 
-def parse_header(
-    path: str, metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]
-) -> LogHeader:
-    """Make the header from a log's metadata and attachments; `path` is for messages only.
+def parse_header(file: McapFile, prefix: str = "") -> LogHeader:
+    """Make the header from the metadata and attachments of a log whose names begin with `prefix`.
 
     Plants that are not installed are added to the registry. Raises LogError for an overlay, a log of another
     program or format, and missing metadata. Raises DamageError if the header contradicts itself, and
     UnsupportedError if an attachment is missing.
     """
+    path, metadata = file.path, _named(prefix, file.metadata)
+    attachments = {name: each.data for name, each in _named(prefix, file.attachments).items()}
     if OVERLAY in metadata:
         raise LogError(
             f"{path} is an overlay of the runs {metadata[OVERLAY].get('labels')}",
@@ -99,7 +100,7 @@ def parse_header(
             remedy="name one of these; info, compare, report, render and log export take overlays too",
         )
     if "cranectl" not in metadata:
-        raise foreign(path)
+        raise file.foreign()
     version = str(metadata["cranectl"].get("format"))
     if version not in FORMATS:
         raise LogError(
@@ -122,6 +123,11 @@ def parse_header(
         ) from None
 
 
+def _named(prefix: str, records: Mapping[str, T]) -> dict[str, T]:
+    """Return the records whose names begin with `prefix`, by their names without it."""
+    return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
+
+
 def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, bytes]) -> LogHeader:
     """Return the header; `parse_header` turns the errors of a contradictory or wrong one into LogError."""
     declared = metadata["cranectl"]
@@ -137,7 +143,6 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     design = _design(_json(attachments, "design.json"))
     if (declared["scenario"], declared["controller"]) != (scenario.name, design.name):
         raise ValueError(f"it names {declared['scenario']} and {declared['controller']}, but attaches others")
-    check_design(design)
     header = LogHeader(
         scenario=scenario,
         design=design,
@@ -263,7 +268,7 @@ def _documents(scenario: Scenario, design: ControllerDesign) -> dict[str, str]:
 def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
     """Raise InputError if the log of such a run could not be read, before it is computed or written."""
     for group in groups_of(scenario, design, drive):
-        size = len(topics.group_schema(group))
+        size = len(group_schema(group))
         if size > MAX_DEFINITION:
             raise InputError(
                 f"the {len(group)} signals that {design.name} logs need a message type of "

@@ -10,10 +10,20 @@ from numpy.typing import NDArray
 
 from cranectl.compare import AgreementLimits, NoLimits, PairLimits, against_reference, compare_runs, judge
 from cranectl.design import ControllerDesign
-from cranectl.log import topics
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams, timestamp_of
-from cranectl.log.topics import Stream
+from cranectl.log.topics import (
+    DIFFERENCE_GROUPS,
+    PACKAGE,
+    STATUS_FIELDS,
+    Stream,
+    Topics,
+    channel_metadata,
+    encode,
+    group_schema,
+    record_schema,
+)
+from cranectl.mcap_columns import EncodedRows
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Provenance, Quantity
@@ -37,7 +47,7 @@ def streams(
         name = a.plant if len(runs) > 2 else ""
         if differing := _differences(a, b, name):
             verdict = _verdict(a, b, limits=(limits or {}).get((a.plant, b.plant)))
-            result += [*differing, _text(topics.difference_topic(topics.VERDICT, name), "Verdict", verdict)]
+            result += [*differing, _text(Topics.difference("verdict", name), "Verdict", verdict)]
     return result + scene_streams(runs)
 
 
@@ -47,24 +57,22 @@ def samples(runs: Sequence[Run]) -> list[Stream]:
     if runs[0].has_reference:
         time_ns, rows = np.unique(np.concatenate([run.time_ns for run in runs]), return_index=True)
         reference = np.concatenate([run.reference for run in runs])[rows]
-        result.append(signals(topics.REFERENCE_LOAD, SignalGroup.REFERENCE, time_ns, reference))
+        result.append(signals(Topics.REFERENCE, SignalGroup.REFERENCE, time_ns, reference))
     return result + [stream for run in runs for stream in recorded(run)]
 
 
 def recorded(run: Run) -> Iterator[Stream]:
     """Yield the signals of a run."""
     for group in run.groups:
-        yield signals(topics.plant_topic(run.plant, group.name), group, run.time_ns, run.block(group.name))
+        yield signals(Topics(run.plant).of(group.name), group, run.time_ns, run.block(group.name))
 
 
 def signals(
     topic: str, group: SignalGroup, time_ns: NDArray[np.int64], values: NDArray[np.float64]
 ) -> Stream:
     """Return the stream of a signal group; `values` (N, signals) belong to `time_ns` (N,)."""
-    kind, rows = topics.group_schema(group), topics.EncodedRows(values)
-    return Stream(
-        topic, f"{topics.PACKAGE}.{group.schema}", kind, time_ns, rows, topics.channel_metadata(group)
-    )
+    kind, rows = group_schema(group), EncodedRows(values)
+    return Stream(topic, f"{PACKAGE}.{group.schema}", kind, time_ns, rows, channel_metadata(group))
 
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
@@ -79,10 +87,10 @@ def _differences(a: Run, b: Run, name: str) -> list[Stream]:
     if not len(time_ns):
         return []
     result = []
-    for group in topics.DIFFERENCE_GROUPS:
+    for group in DIFFERENCE_GROUPS:
         difference = b.block(group.name)[in_b] - a.block(group.name)[in_a]
-        result.append(signals(topics.difference_topic(group.name, name), group, time_ns, difference))
-    return [*result, distances(topics.difference_topic(topics.DISTANCE.name, name), a, b)]
+        result.append(signals(Topics.difference(group.name, name), group, time_ns, difference))
+    return [*result, distances(Topics.difference(Topics.DISTANCE.name, name), a, b)]
 
 
 def distances(topic: str, a: Run, b: Run) -> Stream:
@@ -90,7 +98,7 @@ def distances(topic: str, a: Run, b: Run) -> Stream:
     time_ns, in_a, in_b = np.intersect1d(a.time_ns, b.time_ns, return_indices=True)
     load = np.linalg.norm(b.load_position[in_b] - a.load_position[in_a], axis=1)
     angles = np.abs(b.angles[in_b] - a.angles[in_a]).max(axis=1)
-    return signals(topic, topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(MIN_DISTANCE))
+    return signals(topic, Topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(MIN_DISTANCE))
 
 
 def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> dict[str, str]:
@@ -119,9 +127,7 @@ def _with_limit(largest: float, limit: float | None, unit: str, limits: str) -> 
 def status(plant: str, changes: Sequence[StatusChange]) -> Stream:
     """Return the stream of the status of the run of `plant`."""
     times = [change.time_ns for change in changes]
-    return _own(
-        topics.plant_topic(plant, "status"), "Status", topics.STATUS_FIELDS, times, map(vars, changes)
-    )
+    return _own(Topics(plant).status, "Status", STATUS_FIELDS, times, map(vars, changes))
 
 
 def log_lines(unordered: Iterable[Event]) -> Stream:
@@ -136,7 +142,7 @@ def log_lines(unordered: Iterable[Event]) -> Stream:
         )
         for event in ordered
     )
-    return Stream.of(topics.LOG, Log, [event.time_ns for event in ordered], messages)
+    return Stream.of(Topics.LOG, Log, [event.time_ns for event in ordered], messages)
 
 
 def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
@@ -151,13 +157,13 @@ def run_info(runs: Sequence[Run], versions: Mapping[str, str]) -> Stream:
         "status": ", ".join(f"{run.plant}: {run.status.label}" for run in runs),
         "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
     }
-    return _text(topics.RUN_INFO, "RunInfo", values)
+    return _text(Topics.RUN_INFO, "RunInfo", values)
 
 
 def design_info(design: ControllerDesign) -> Stream:
     """Return the controller's design as JSON texts: gains, poles and margins, or its parameters."""
     values = {name: json.dumps(value) for name, value in design.to_json().items()}
-    return _text(topics.DESIGN, "Design", values)
+    return _text(Topics.DESIGN, "Design", values)
 
 
 def _text(topic: str, name: str, values: dict[str, str]) -> Stream:
@@ -169,7 +175,7 @@ def _own(
     topic: str, name: str, fields: Mapping[str, type], times: list[int], rows: Iterable[dict[str, Any]]
 ) -> Stream:
     """Return messages of our type `name` at their times [ns]; each has the `fields` of one of `rows`."""
-    definition = topics.record_schema(name, tuple(fields.items()))
-    messages = [topics.encode(definition, name, {field: row[field] for field in fields}) for row in rows]
+    definition = record_schema(name, tuple(fields.items()))
+    messages = [encode(definition, name, {field: row[field] for field in fields}) for row in rows]
     time_ns = np.array(times, dtype=np.int64)
-    return Stream(topic, f"{topics.PACKAGE}.{name}", definition, time_ns, messages)
+    return Stream(topic, f"{PACKAGE}.{name}", definition, time_ns, messages)

@@ -18,27 +18,21 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.log import scene, topics
-from cranectl.log.consistency import Sampling, check_design, check_run
+from cranectl.log import scene
+from cranectl.log.consistency import Sampling, check_run
 from cranectl.log.events import events, status_changes
-from cranectl.log.header import (
-    OVERLAY,
-    OVERLAY_FORMAT,
-    check_recordable,
-    file_attachments,
-    file_metadata,
-)
+from cranectl.log.export import ExportTable, export_table
+from cranectl.log.header import OVERLAY, OVERLAY_FORMAT, check_recordable, file_attachments, file_metadata
 from cranectl.log.messages import distances, log_lines, recorded, signals, status
 from cranectl.log.reader import read_runs
-from cranectl.log.topics import Stream
-from cranectl.log.writer import check_writable, write_container
+from cranectl.log.topics import Stream, Topics
+from cranectl.log.writer import write_container
 from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import InputError, LogError, Palette
+from cranectl.support import FileKind, InputError, LogError, Palette
 
-STEP = "step"  # topic of the distance between a run and the one before it
 MAX_RUNS_SHOWN = len(Palette.VIEWER.series)  # runs of an overlay: each needs its own colour
 MAX_LABEL = 40  # characters of a label
 LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
@@ -54,20 +48,75 @@ class Layer:
     from_ns: int | None = None  # start of a segment of a live session
 
 
-def read_layers(path: str | Path) -> dict[str, Layer]:
-    """Read the runs of any log: those of an overlay by label, all others by plant.
+@dataclass(frozen=True)
+class Log:
+    """The runs of one or several logs, those of an overlay by label, all others by plant."""
 
-    Raises LogError as `read_log` does.
-    """
-    return {
-        name: Layer(run, header.every, header.versions, header.from_ns)
-        for name, (header, run) in read_runs(path, overlays=True).items()
-    }
+    layers: Mapping[str, Layer]
 
+    @classmethod
+    def read(cls, path: str | Path) -> "Log":
+        """Read any log; raise LogError as `read_log` does."""
+        read = read_runs(path, overlays=True)
+        layers = {
+            k: Layer(run, header.every, header.versions, header.from_ns) for k, (header, run) in read.items()
+        }
+        return cls(layers)
 
-def is_overlay(layers: Mapping[str, Layer]) -> bool:
-    """Return True if runs have labels; those of other logs have the names of their plants."""
-    return any(label != layer.run.plant for label, layer in layers.items())
+    @classmethod
+    def gather(
+        cls, paths: Sequence[Path], *, labels: Sequence[str] = (), plants: Sequence[str] = ()
+    ) -> "Log":
+        """Read the runs of several logs, and give each a label.
+
+        These are all runs of overlays, and from other logs the runs of `plants`, by default the reference
+        plant. `labels` names all runs in their order; by default labels are as short as they can differ.
+        Raises InputError for invalid labels, and LogError as `read_log` does.
+        """
+        named: list[tuple[str, str, Layer]] = []  # label in the overlay or nothing, stem of the file, run
+        read = [cls.read(path) for path in paths]
+        plants = PLANTS.of_logs(plants, {name for log in read if not log.is_overlay for name in log.layers})
+        for path, log in zip(paths, read, strict=True):
+            layers, labelled = log.layers, log.is_overlay
+            selected = layers if labelled else plants or (PLANTS.reference(layers),)
+            named += [
+                (name if labelled else "", path.stem, layers[name]) for name in selected if name in layers
+            ]
+        chosen = [layer for _, _, layer in named]
+        if not labels:
+            short = labels_of([layer.run for layer in chosen], [stem for _, stem, _ in named])
+            labels = [own or label for (own, _, _), label in zip(named, short, strict=True)]
+        if len(labels) != len(chosen):
+            raise InputError(
+                f"{len(labels)} labels for {len(chosen)} runs",
+                allowed="one label for each run",
+                remedy="give --label once for each run, or not at all",
+            )
+        check_labels(labels)
+        return cls(dict(zip(labels, chosen, strict=True)))
+
+    @property
+    def runs(self) -> dict[str, Run]:
+        """The runs by plant or label."""
+        return {name: layer.run for name, layer in self.layers.items()}
+
+    @property
+    def is_overlay(self) -> bool:
+        """Whether runs have labels; those of other logs have the names of their plants."""
+        return any(label != layer.run.plant for label, layer in self.layers.items())
+
+    @property
+    def first(self) -> Layer:
+        """The first run; without labels, all have its scenario, its controller and its facts."""
+        return next(iter(self.layers.values()))
+
+    def table(self, patterns: Sequence[str] = ()) -> ExportTable:
+        """Return the table of all signals that match any of `patterns`; see `export_table`."""
+        return export_table(self.runs, patterns)
+
+    def write_overlay(self, path: Path) -> None:
+        """Write an overlay of the runs; raise InputError for invalid labels, LogError if writing fails."""
+        write_overlay(path, self.layers)
 
 
 def check_labels(labels: Sequence[str]) -> None:
@@ -87,36 +136,6 @@ def check_labels(labels: Sequence[str]) -> None:
             allowed=f"1 to {MAX_RUNS_SHOWN} runs, as many as there are colours",
             remedy="name more or fewer runs",
         )
-
-
-def gather_layers(
-    paths: Sequence[Path], *, labels: Sequence[str] = (), plants: Sequence[str] = ()
-) -> dict[str, Layer]:
-    """Read the runs of several logs, and return them by label.
-
-    These are all runs of overlays, and from other logs the runs of `plants`, by default the reference plant.
-    `labels` names all runs in their order; by default labels are as short as they can differ. Raises
-    InputError for invalid labels, and LogError as `read_log` does.
-    """
-    named: list[tuple[str, str, Layer]] = []  # label in the overlay or nothing, stem of the file, run
-    read = [read_layers(path) for path in paths]
-    plants = PLANTS.of_logs(plants, {name for layers in read if not is_overlay(layers) for name in layers})
-    for path, layers in zip(paths, read, strict=True):
-        overlaid = is_overlay(layers)
-        selected = layers if overlaid else plants or (PLANTS.reference(layers),)
-        named += [(name if overlaid else "", path.stem, layers[name]) for name in selected if name in layers]
-    chosen = [layer for _, _, layer in named]
-    if not labels:
-        short = labels_of([layer.run for layer in chosen], [stem for _, stem, _ in named])
-        labels = [own or label for (own, _, _), label in zip(named, short, strict=True)]
-    if len(labels) != len(chosen):
-        raise InputError(
-            f"{len(labels)} labels for {len(chosen)} runs",
-            allowed="one label for each run",
-            remedy="give --label once for each run, or not at all",
-        )
-    check_labels(labels)
-    return dict(zip(labels, chosen, strict=True))
 
 
 def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
@@ -149,13 +168,12 @@ def _fitting(label: str) -> str:
 def write_overlay(path: Path, layers: Mapping[str, Layer]) -> None:
     """Write an overlay of runs by label; raise InputError for invalid labels, LogError if writing fails."""
     check_labels([*layers])
-    check_writable(path)
+    FileKind.MCAP.check_place(path, option="--out")
     metadata = {OVERLAY: {"format": OVERLAY_FORMAT, "labels": ",".join(layers)}}
     attachments = []
     for label, layer in layers.items():
         check_recordable(layer.run.scenario, layer.run.design, layer.run.drive)
         try:
-            check_design(layer.run.design)
             check_run(layer.run, Sampling(layer.run.scenario, layer.every, layer.from_ns))
         except DamageError as error:
             raise LogError(
@@ -181,13 +199,13 @@ def _streams(runs: Sequence[Run]) -> Iterator[Stream]:
         yield status(run.plant, status_changes(run))
         yield from recorded(run)
         if run.has_reference:
-            reference = topics.plant_topic(run.plant, topics.OVERLAY_REFERENCE)
+            reference = Topics(run.plant).reference
             yield signals(reference, SignalGroup.REFERENCE, run.time_ns, run.reference)
     for before, run in pairwise(runs):
-        for kind, other in ((topics.DISTANCE.name, runs[0]), (STEP, before)):
+        for kind, other in ((Topics.DISTANCE.name, runs[0]), (Topics.STEP, before)):
             both = run.has("state", "load") and other.has("state", "load")
             if both and np.intersect1d(run.time_ns, other.time_ns).size:
-                yield distances(topics.plant_topic(run.plant, kind), run, other)
+                yield distances(Topics(run.plant).of(kind), run, other)
     coloured = zip(Palette.VIEWER.series, runs, strict=False)
     drawn = {colour: run for colour, run in coloured if scene.can_be_drawn(run)}
     if not drawn:

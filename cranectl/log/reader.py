@@ -2,39 +2,27 @@
 
 import contextlib
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from cranectl.log import topics
 from cranectl.log.consistency import Outcome, check_numbers, check_run, check_times, finite_samples
 from cranectl.log.header import FILTERED, OVERLAY, OVERLAY_FORMAT, LogHeader, parse_header
-from cranectl.mcap_columns import (
-    Column,
-    Contents,
-    DamageError,
-    UnsupportedError,
-    decode_table,
-    open_contents,
-    opened,
-    read_rows,
-    signal_names,
-)
+from cranectl.log.topics import DIFFERENCES, Topics
+from cranectl.mcap_columns import Column, DamageError, McapFile, UnsupportedError
 from cranectl.scenario import NANOSECONDS
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
-from cranectl.support import Arguments, Array, InconsistentError, InputError, LogError
+from cranectl.support import Arguments, Array, InputError, LogError
 
 HEADER_RECORDS = ("cranectl", "overlay", "versions", "scenario.json", "design.json")  # each occurs once
 TYPE_PREFIX = "cranectl."  # of the names of our message types
 COMPLETE_LOG = "name the original log, which has all topics"
 SHOWN_NEAR_SIGNALS = 8  # similar names in the error for an unknown signal, of about 200 in a log
-
-T = TypeVar("T")
 
 
 class TopicSamples(NamedTuple):
@@ -68,11 +56,11 @@ def read_log(path: str | Path) -> dict[str, Run]:
 
 def read_runs(path: str | Path, *, overlays: bool) -> dict[str, tuple[LogHeader, Run]]:
     """Read the runs with their headers, by plant or label; raise LogError for unwanted `overlays`."""
-    with opened(path) as stream:
-        contents, columns = read_rows(path, stream, is_of_runs)
-        headers = headers_of(path, contents, overlays=overlays)
+    with McapFile.opened(path) as file:
+        columns = file.columns(is_of_runs)
+        headers = headers_of(file, overlays=overlays)
         groups = {topic: group for header in headers.values() for topic, group in header.groups().items()}
-        blocks, runs = blocks_of(groups, contents, columns), {}
+        blocks, runs = blocks_of(groups, file, columns), {}
         for name, header in headers.items():
             plant = name if name in header.plants else header.plants[0]
             runs[name] = header, assemble_run(header, plant, blocks, header.outcome(plant))
@@ -103,78 +91,65 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         As `read_log` raises it.
     """
     topic, _, field = f"/{name.removeprefix('/')}".rpartition(".")
-    with opened(path) as stream:
-        contents, columns = read_rows(path, stream, lambda other: other == topic)
-        header = header_of(path, contents)
-        _checked_channels(contents, header.groups())
-        known = _signals(contents)
+    with McapFile.opened(path) as file:
+        columns = file.columns(lambda other: other == topic)
+        check_names(file)
+        header = parse_header(file)
+        _checked_channels(file, header.groups())
+        known = _signals(file)
         if field not in known.get(topic, ()):
             names = [f"{topic[1:]}.{field}" for topic, fields in known.items() for field in fields]
             raise InputError.unknown("signal", name, InputError.nearest(name, names, SHOWN_NEAR_SIGNALS))
-        column = columns[_channels_of(contents, (topic,))[topic].id]
+        column = columns[_channels_of(file, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 
-def header_of(path: str | Path, contents: Contents, prefix: str = "") -> LogHeader:
-    """Return the header in the records whose names begin with `prefix`; raise errors of `parse_header`."""
-    check_names(contents)
-    attachments = {name: attachment.data for name, attachment in contents.attachments.items()}
-    return parse_header(str(path), _of(prefix, contents.metadata), _of(prefix, attachments))
-
-
-def headers_of(path: str | Path, contents: Contents, *, overlays: bool = True) -> dict[str, LogHeader]:
+def headers_of(file: McapFile, *, overlays: bool = True) -> dict[str, LogHeader]:
     """Return the headers by label or plant; raise LogError for an overlay unless `overlays` are allowed."""
-    if OVERLAY not in contents.metadata or not overlays:
-        header = header_of(path, contents)
+    check_names(file)
+    if OVERLAY not in file.metadata or not overlays:
+        header = parse_header(file)
         return dict.fromkeys(header.plants, header)
-    check_names(contents)
-    labels = contents.metadata[OVERLAY].get("labels", "").split(",")
-    if contents.metadata[OVERLAY].get("format") != OVERLAY_FORMAT:
+    labels = file.metadata[OVERLAY].get("labels", "").split(",")
+    if file.metadata[OVERLAY].get("format") != OVERLAY_FORMAT:
         raise LogError(
-            f"{path} is an overlay of the runs {', '.join(labels)}, in a format that only viewers read",
+            f"{file.path} is an overlay of the runs {', '.join(labels)}, in a format that only viewers read",
             allowed=f"overlays of format {OVERLAY_FORMAT}",
             remedy="write it again, with cranectl ladder or cranectl log overlay",
         )
     headers = {}
     for label in labels:
-        headers[label] = header = replace(header_of(path, contents, f"{label}/"), label=label)
+        headers[label] = header = replace(parse_header(file, f"{label}/"), label=label)
         if len(header.plants) != 1:
             raise DamageError(f"{label} has several plants: {', '.join(header.plants)}")
     return headers
 
 
-def _of(prefix: str, records: Mapping[str, T]) -> dict[str, T]:
-    """Return the records whose names begin with `prefix`, by their names without it."""
-    return {name.removeprefix(prefix): record for name, record in records.items() if name.startswith(prefix)}
-
-
-def check_names(contents: Contents) -> None:
+def check_names(file: McapFile) -> None:
     """Raise UnsupportedError for merged logs, and for logs without the records that describe runs."""
-    for name in sorted(contents.repeated):
+    for name in sorted(file.repeated):
         if name.startswith("run/") or name.rpartition("/")[2] in HEADER_RECORDS:
             raise UnsupportedError(f"it has {name} twice, as merged logs do", "name one of the logs")
-    if not contents.metadata and any(
-        schema.name.startswith(TYPE_PREFIX) for schema in contents.schemas.values()
-    ):
+    if not file.metadata and any(schema.name.startswith(TYPE_PREFIX) for schema in file.schemas.values()):
         raise UnsupportedError("it has no metadata, like a filtered log", FILTERED)
 
 
 def is_of_runs(topic: str) -> bool:
     """Return True if a topic belongs to a run or its reference, not to a comparison of runs."""
-    return not topic.startswith(topics.DIFFERENCES)
+    return not topic.startswith(DIFFERENCES)
 
 
 def blocks_of(
-    groups: Mapping[str, SignalGroup], contents: Contents, columns: dict[int, Column]
+    groups: Mapping[str, SignalGroup], file: McapFile, columns: dict[int, Column]
 ) -> dict[str, TopicSamples]:
     """Return the samples of `groups` by topic, none for a topic without a channel.
 
     To free memory, the channels are removed from `columns`. Raises DamageError for a channel with other
     signals or units.
     """
-    channels = _checked_channels(contents, groups)
+    channels = _checked_channels(file, groups)
     return {
         topic: _decoded(topic, columns.pop(channels[topic].id), len(group))
         if topic in channels
@@ -183,11 +158,11 @@ def blocks_of(
     }
 
 
-def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
+def _checked_channels(file: McapFile, groups: Mapping[str, SignalGroup]) -> dict[str, Channel]:
     """Return the channels of `groups` by topic; raise DamageError if one carries other signals or units."""
-    channels = _channels_of(contents, groups)
+    channels = _channels_of(file, groups)
     for topic, channel in channels.items():
-        names, group = signal_names(channel, contents.schemas[channel.schema_id]), groups[topic]
+        names, group = file.signals(channel), groups[topic]
         if names != group.names:
             raise DamageError(f"{topic} has the signals {', '.join(names)[:200]}, which are not its own")
         for signal in group.signals:
@@ -199,10 +174,10 @@ def _checked_channels(contents: Contents, groups: Mapping[str, SignalGroup]) -> 
     return channels
 
 
-def _channels_of(contents: Contents, topics: Container[str]) -> dict[str, Channel]:
+def _channels_of(file: McapFile, topics: Container[str]) -> dict[str, Channel]:
     """Return the channel of each topic in `topics`; raise UnsupportedError if one has several."""
     channels: dict[str, Channel] = {}
-    for channel in contents.channels.values():
+    for channel in file.channels.values():
         if channel.topic in topics and channels.setdefault(channel.topic, channel) is not channel:
             raise UnsupportedError(
                 f"{channel.topic} has several channels, as in merged logs", "name one of the logs"
@@ -215,7 +190,7 @@ def _decoded(topic: str, column: Column, n_signals: int) -> TopicSamples:
     if (np.diff(column.time_ns) <= 0).any():
         raise DamageError(f"the times of {topic} do not increase")
     try:
-        return TopicSamples(column.time_ns, decode_table(column.messages, n_signals))
+        return TopicSamples(column.time_ns, column.values(n_signals))
     except ValueError as error:
         raise DamageError(f"a message of {topic} is not a row of signals: {error}") from None
 
@@ -272,81 +247,17 @@ def _check_block(header: LogHeader, topic: str, names: Sequence[str], block: Top
         check_samples(topic, block, outcome)
         check_times(topic, block.time_ns, header, [outcome])
         check_numbers(topic, names, block.values[: finite_samples(outcome)])
-    elif topic == topics.REFERENCE_LOAD:
+    elif topic == Topics.REFERENCE:
         check_numbers(topic, names, block.values)
         if header.from_ns is None:
             outcomes = [header.outcome(plant) for plant in header.plants]
             check_times(topic, block.time_ns, header, outcomes)
 
 
-def _signals(contents: Contents) -> dict[str, tuple[str, ...]]:
+def _signals(file: McapFile) -> dict[str, tuple[str, ...]]:
     """Return the names of all signals in a log, by topic."""
     names = {}
-    for channel in contents.channels.values():
+    for channel in file.channels.values():
         with contextlib.suppress(DamageError):  # the topic has other messages than signals
-            names[channel.topic] = signal_names(channel, contents.schemas[channel.schema_id])
+            names[channel.topic] = file.signals(channel)
     return names
-
-
-@dataclass(frozen=True)
-class TopicDescription:
-    """Type, size and rate of one topic of a log."""
-
-    topic: str
-    schema: str
-    messages: int
-    rate_hz: float | None  # None for topics with a message at events only
-
-
-@dataclass(frozen=True)
-class LogDescription:
-    """Size, format and topics of a log file."""
-
-    path: str
-    size_bytes: int
-    format: str
-    every: int  # every n-th control sample is logged; in an overlay, of the first run
-    duration_s: float
-    messages: int
-    versions: dict[str, str]
-    topics: tuple[TopicDescription, ...]
-    attachments: dict[str, int]  # name: bytes
-
-    def __post_init__(self) -> None:
-        """Raise InconsistentError if the messages of the topics do not add up."""
-        InconsistentError.check_sum(
-            "the number of messages", self.messages, [topic.messages for topic in self.topics]
-        )
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the description as plain data."""
-        return asdict(self)
-
-
-def describe_log(path: str | Path) -> LogDescription:
-    """Describe a log that `read_layers` accepts; raise LogError as that does for any other file."""
-    path = Path(path)
-    with opened(path) as stream:
-        contents = open_contents(path, stream)
-        times = [content.table[:, 1] for content in contents.chunks(stream)]
-        headers = headers_of(path, contents)
-        header = next(iter(headers.values()))
-    duration = float(np.ptp(np.concatenate(times))) / NANOSECONDS if contents.messages else 0.0
-    topics = []
-    for channel in sorted(contents.channels.values(), key=lambda channel: channel.topic):
-        count, schema = contents.messages[channel.id], contents.schemas[channel.schema_id].name
-        # Only topics of signals have units as metadata, and only these have a rate.
-        sampled = bool(channel.metadata) and count > 1 and duration > 0.0
-        rate_hz = (count - 1) / duration if sampled else None
-        topics.append(TopicDescription(channel.topic, schema, count, rate_hz))
-    return LogDescription(
-        path=str(path),
-        size_bytes=path.stat().st_size,
-        format=contents.metadata[OVERLAY if OVERLAY in contents.metadata else "cranectl"]["format"],
-        every=header.every,
-        duration_s=duration,
-        messages=contents.messages.total(),
-        versions=dict(header.versions),
-        topics=tuple(topics),
-        attachments={name: len(attachment.data) for name, attachment in contents.attachments.items()},
-    )

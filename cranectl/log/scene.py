@@ -13,9 +13,8 @@ import numpy as np
 from foxglove import messages as fg
 from numpy.typing import NDArray
 
-from cranectl.log import topics
 from cranectl.log.events import disturbance_times
-from cranectl.log.topics import Stream
+from cranectl.log.topics import Stream, Topics
 from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Drawing, RigParameters
@@ -104,7 +103,7 @@ def transforms(runs: Sequence[Run], leader: Run, rows: NDArray[np.intp]) -> Stre
         return fg.FrameTransforms(transforms=tree)
 
     messages = (tree_at(k, time) for k, time in enumerate(map(timestamp_of, time_ns.tolist())))
-    return Stream.of(topics.TRANSFORMS, fg.FrameTransforms, time_ns, messages)
+    return Stream.of(Topics.TRANSFORMS, fg.FrameTransforms, time_ns, messages)
 
 
 def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
@@ -143,7 +142,7 @@ def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None 
         _entity("world" if body == "frame" else f"{plant}/{body}", body, 0, **primitives)
         for body, primitives in entities.items()
     ]
-    return _scene(topics.plant_topic(plant, "model"), [0], [drawn])
+    return _scene(Topics(plant).of("model"), [0], [drawn])
 
 
 def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
@@ -158,7 +157,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
     for time_ns, (*trolley, x, y, z), colour in zip(times, ends, colours.tolist(), strict=True):
         line = _line(_points([trolley, [x, y, z]]), ROPE_WIDTH, color=_colour(colour, opacity))
         shown.append([_entity("world", "rope", time_ns, lines=[line])])
-    return _scene(topics.plant_topic(run.plant, topics.ROPE), times, shown)
+    return _scene(Topics(run.plant).of("rope"), times, shown)
 
 
 def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
@@ -188,7 +187,7 @@ def trail(
         first = max(k - TRAIL_POINTS, 0)
         line = _line(points[first : k + 1], width, colors=fading[first - k - 1 :])
         shown.append([_entity("world", "trail", time, lines=[line])])
-    return _scene(topics.plant_topic(plant, "trail"), time_ns, shown)
+    return _scene(Topics(plant).of("trail"), time_ns, shown)
 
 
 def all_arrows(run: Run) -> Stream:
@@ -211,7 +210,7 @@ def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float
         accelerations = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
         drawn = [_arrow(acceleration, scale) for acceleration in accelerations if acceleration.any()]
         shown.append([_entity(f"{plant}/load", "disturbance", time, arrows=drawn)] if drawn else [])
-    return _scene(topics.plant_topic(plant, topics.ARROW), times, shown, deletions=[everything])
+    return _scene(Topics(plant).of("disturbance_arrow"), times, shown, deletions=[everything])
 
 
 def _arrow(acceleration: Array, scale: float) -> fg.ArrowPrimitive:
@@ -240,7 +239,7 @@ def path(run: Run) -> Stream:
     size = _vector([TARGET * Drawing(rig).scale] * 3)
     ball = fg.SpherePrimitive(pose=ORIGIN, size=size, color=_colour(shade, 0.6))
     target = _entity("reference", "target", 0, spheres=[ball])
-    return _scene(topics.REFERENCE_PATH, [0], [[_entity("world", "path", 0, lines=[line]), target]])
+    return _scene(Topics.PATH, [0], [[_entity("world", "path", 0, lines=[line]), target]])
 
 
 def workspace(run: Run) -> Stream:
@@ -259,7 +258,7 @@ def workspace(run: Run) -> Stream:
         boxes.append(fg.CubePrimitive(pose=pose, size=_vector(high - low), color=_colour(shade, 0.4)))
     if boxes:
         entities.append(_entity("world", "obstacles", 0, cubes=boxes))
-    return _scene(topics.WORKSPACE, [0], [entities])
+    return _scene(Topics.WORKSPACE, [0], [entities])
 
 
 def rows_apart(run: Run, period: float) -> NDArray[np.intp]:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
@@ -18,12 +18,10 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from cranectl.log.events import StatusChange
-from cranectl.mcap_columns import row_layout, tag
 from cranectl.signals import Signal, SignalGroup
 
 SORTED_MESSAGES = 1000  # messages of the longest stream that are sorted at a time, which limits memory
 PACKAGE = "cranectl"
-ENCODED_ROWS = 1000  # rows encoded at a time
 Field = descriptor_pb2.FieldDescriptorProto
 
 # Fields of `cranectl.Status` in the order of their numbers.
@@ -72,17 +70,6 @@ def in_order(streams: Sequence[Stream]) -> Iterator[tuple[int, int, bytes]]:
             yield k, time_ns, next(waiting[k])
 
 
-REFERENCE_LOAD = "/reference/load"
-DESIGN = "/controller/design"
-RUN_INFO = "/run/info"
-LOG = "/log"
-TRANSFORMS = "/tf"
-REFERENCE_PATH = "/reference/path"
-WORKSPACE = "/rig/workspace"
-OVERLAY_REFERENCE = "reference"  # of one run of an overlay; runs of other logs share theirs
-ROPE, ARROW = "rope", "disturbance_arrow"  # drawings of a plant, beside its `model` and `trail`
-FORMER_NAMES = ("cable", "push")  # names of these two before 0.3
-
 # Groups whose differences from the reference plant are logged, sample by sample.
 DIFFERENCE_GROUPS = (
     SignalGroup("state", "StateDifference", "reference plant minus another", SignalGroup.STATE.signals),
@@ -90,26 +77,58 @@ DIFFERENCE_GROUPS = (
 )
 
 DIFFERENCES = "/diff/"
-VERDICT = "verdict"  # topic of the agreement of two plants in words, below DIFFERENCES
-DISTANCE = SignalGroup(
-    "distance",
-    "Distance",
-    "how far the plants are apart",
-    (
-        Signal("load_distance", "|Δz|", "m", "distance of the loads"),
-        Signal("angle_distance", "max |Δα|, |Δβ|", "rad", "larger difference of the angles"),
-    ),
-)
 
 
-def plant_topic(plant: str, group: str) -> str:
-    """Return the topic of a plant's group; it always has the plant, so that logs can be merged."""
-    return f"/{plant}/{group}"
+@dataclass(frozen=True)
+class Topics:
+    """Names of the topics of a log: those of one run, and as constants those that all runs share.
 
+    Topics of a run begin with its plant, or in an overlay with its label, so that logs can be merged.
+    """
 
-def difference_topic(group: str, plant: str = "") -> str:
-    """Return the topic of a difference; `plant` is given if a log compares several plants."""
-    return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
+    run: str  # its plant or label
+
+    REFERENCE: ClassVar = "/reference/load"
+    PATH: ClassVar = "/reference/path"
+    WORKSPACE: ClassVar = "/rig/workspace"
+    TRANSFORMS: ClassVar = "/tf"
+    LOG: ClassVar = "/log"
+    RUN_INFO: ClassVar = "/run/info"
+    DESIGN: ClassVar = "/controller/design"
+    DISTANCE: ClassVar = SignalGroup(
+        "distance",
+        "Distance",
+        "how far the plants are apart",
+        (
+            Signal("load_distance", "|Δz|", "m", "distance of the loads"),
+            Signal("angle_distance", "max |Δα|, |Δβ|", "rad", "larger difference of the angles"),
+        ),
+    )
+    STEP: ClassVar = "step"  # the distance between a run of an overlay and the one before it
+
+    def of(self, group: str) -> str:
+        """Return the topic of a group of signals."""
+        return f"/{self.run}/{group}"
+
+    @property
+    def reference(self) -> str:
+        """The reference of one run of an overlay; runs of other logs share theirs."""
+        return self.of("reference")
+
+    @property
+    def status(self) -> str:
+        """Status, phase of the reference, and what acts on the run."""
+        return self.of("status")
+
+    @property
+    def drawn(self) -> tuple[str, str, str, str]:
+        """All that draws the crane: its solids, rope and trail, and the arrows of disturbances."""
+        return self.of("model"), self.of("rope"), self.of("trail"), self.of("disturbance_arrow")
+
+    @classmethod
+    def difference(cls, group: str, plant: str = "") -> str:
+        """Return the topic of a difference; `plant` is given if a log compares several plants."""
+        return f"{DIFFERENCES}{plant}/{group}" if plant else f"{DIFFERENCES}{group}"
 
 
 @functools.cache
@@ -141,37 +160,6 @@ def group_schema(group: SignalGroup) -> bytes:
         taken.add(oneof)
         message.oneof_decl.add(name=oneof)
     return _definition(message)
-
-
-class EncodedRows(Sequence[bytes]):
-    """Protobuf messages of the rows of an array (N, signals), encoded only when they are read.
-
-    All messages at once would take more memory than the run. An index must be a single integer.
-    """
-
-    def __init__(self, values: NDArray[np.float64]) -> None:
-        self._values = values
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __iter__(self) -> Iterator[bytes]:
-        for first in range(0, len(self._values), ENCODED_ROWS):
-            yield from _encoded(self._values[first : first + ENCODED_ROWS])
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return the message of one row."""
-        return _encoded(self._values[index, np.newaxis])[0]
-
-
-def _encoded(values: NDArray[np.float64]) -> list[bytes]:
-    layout = row_layout(values.shape[1])
-    rows = np.zeros(len(values), dtype=layout)
-    for number in range(1, values.shape[1] + 1):
-        rows[f"tag{number}"] = np.frombuffer(tag(number), dtype="u1")
-        rows[f"value{number}"] = values[:, number - 1]
-    messages: list[bytes] = rows.view(f"V{layout.itemsize}").tolist()
-    return messages
 
 
 @functools.cache

@@ -7,7 +7,8 @@ until then. Times are simulation times only, so the same runs give the same byte
 import contextlib
 import os
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
@@ -19,11 +20,11 @@ from foxglove.mcap import MCAPWriteOptions
 from mcap.records import Attachment
 
 from cranectl.compare import PairLimits
-from cranectl.log.consistency import check_runs
-from cranectl.log.header import check_recordable, file_attachments, file_metadata
+from cranectl.log.consistency import Outcome, check_runs
+from cranectl.log.header import check_recordable, file_attachments, file_metadata, outcome_metadata
 from cranectl.log.messages import streams
-from cranectl.log.topics import Stream, in_order
-from cranectl.mcap_columns import DamageError, read_end
+from cranectl.log.topics import Stream, Topics, in_order
+from cranectl.mcap_columns import DamageError, McapFile
 from cranectl.simulate import Run
 from cranectl.support import Arguments, File, FileKind, InputError, Interruption, LogError
 
@@ -32,11 +33,6 @@ MAX_LOG_EVERY = 10**9  # as in a scenario
 CHUNK_SIZE = 64 * 1024  # [bytes] a kill loses at most the last chunk; such small ones add 0.2 % to the size
 REMEDY = "choose another place with --out"
 FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full disk can raise any of them
-
-
-def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
-    """Raise LogError if no log can be written, before time is spent on a simulation; see ``."""
-    FileKind.MCAP.check_place(path, inputs=inputs, option="--out", at_once=at_once)
 
 
 @Arguments.checked
@@ -76,7 +72,7 @@ def write_log(
     InputError.check_whole(
         "every", every, 1, MAX_LOG_EVERY, "how many control samples lie between two that are logged"
     )
-    check_writable(path, at_once=True)
+    FileKind.MCAP.check_place(path, option="--out", at_once=True)
     write_logged(path, [run.every(every) for run in runs], every, limits)
     return path
 
@@ -100,20 +96,126 @@ def write_logged(path: Path, runs: Sequence[Run], every: int, limits: PairLimits
 def write_container(
     path: Path, metadata: Records, attachments: Sequence[Attachment], sent: Sequence[Stream]
 ) -> None:
-    """Write an MCAP file in one atomic step; raise LogError if that fails.
+    """Write an MCAP file in one atomic step; raise LogError if that fails."""
+    channels = Channels()
+    with Interruption.delayed(), LogFile.opened(path, channels, metadata, attachments, remedy=REMEDY):
+        channels.send(sent)
 
-    Metadata and attachments come first, so that a file that is cut off can still be understood.
-    """
-    # Channels close with their context, so this reference must live until the file is closed.
-    context = foxglove.Context()
-    part = None
-    try:
-        with Interruption.delayed(), File(path).replacing(keep_after=FAILURES) as part:
-            with KeptError(part) as target, open_file(target, context, metadata, attachments):
-                count = _send_in_order(context, sent)
-            check_complete(part, count)
-    except FAILURES as error:
-        raise unfinished(path, part, error, remedy=REMEDY) from None
+
+class Channels:
+    """Sends messages, on one channel for each topic, to all files and servers of a context."""
+
+    def __init__(self) -> None:
+        # Channels close with their context, so this reference must live until the file is closed.
+        self.context = foxglove.Context()
+        self.sent: Counter[str] = Counter()  # messages by topic
+        self.time_ns = 0  # of the newest message
+        self._channels: dict[str, BaseChannel] = {}
+        self._latest: dict[str, bytes] = {}  # messages by topic, of what describes the present state
+
+    def send(self, streams: Sequence[Stream]) -> None:
+        """Send all messages in the order of time; those of the next call must not be older."""
+        if not streams:
+            return
+        logs, counts = [self._open(stream).log for stream in streams], [0] * len(streams)
+        for stream in streams:
+            if stream.messages and not stream.metadata and stream.topic != Topics.LOG:
+                self._latest[stream.topic] = stream.messages[-1]
+        try:
+            for k, time_ns, message in in_order(streams):
+                logs[k](message, log_time=time_ns)
+                counts[k] += 1
+                self.time_ns = time_ns
+        finally:
+            self.sent.update({stream.topic: n for stream, n in zip(streams, counts, strict=True)})
+
+    def resend(self, topics: Iterable[str]) -> None:
+        """Send the newest messages of some topics again, for viewers that subscribed after them.
+
+        It does not repeat signals and text, because they do not describe the present state.
+        """
+        for topic in sorted(self._latest.keys() & set(topics)):
+            self._channels[topic].log(self._latest[topic], log_time=self.time_ns)
+            self.sent[topic] += 1
+
+    def _open(self, stream: Stream) -> BaseChannel:
+        channel = self._channels.get(stream.topic)
+        if channel is None or channel.schema_name() != stream.schema_name:
+            if channel is not None:
+                # Another robustifier has another message type. Viewers refuse a second channel of a topic.
+                channel.close()
+            channel = self._channels[stream.topic] = open_channel(self.context, stream)
+        return channel
+
+
+class LogFile:
+    """A log while it is written, of finished runs or of a live session."""
+
+    def __init__(self, file: foxglove.MCAPWriter, target: "KeptError") -> None:
+        self._file, self._target = file, target
+
+    @classmethod
+    @contextlib.contextmanager
+    def opened(
+        cls,
+        path: Path,
+        channels: Channels,
+        metadata: Records,
+        attachments: Sequence[Attachment],
+        *,
+        remedy: str,
+    ) -> Iterator[Self]:
+        """Write all messages that are sent during the block; then close, check and rename the file.
+
+        Metadata and attachments come first, so that a file that is cut off can still be understood. Raises
+        LogError if anything fails. Another exception of the block discards the file.
+        """
+        part, before = None, channels.sent.total()
+        try:
+            with File(path).replacing(keep_after=FAILURES) as part:
+                with KeptError(part) as target, _open_file(target, channels.context) as file:
+                    log = cls(file, target)
+                    log.add(metadata, attachments)
+                    yield log
+                check_complete(part, channels.sent.total() - before)
+        except FAILURES as error:
+            raise unfinished(path, part, error, remedy=remedy) from None
+
+    @classmethod
+    def of_session(
+        cls, path: Path, channels: Channels, runs: Sequence[Run], session: Mapping[str, str], *, remedy: str
+    ) -> contextlib.AbstractContextManager[Self]:
+        """Return the file of a part of a live session, as `opened` does; only the settings of `runs` count.
+
+        Raises InputError as `check_recordable` does.
+        """
+        check_recordable(runs[0].scenario, runs[0].design, runs[0].drive)
+        metadata = file_metadata(runs, runs[0].scenario.log.every)
+        for run in runs:
+            del metadata[f"run/{run.plant}"]  # known only at the end
+        return cls.opened(
+            path, channels, {**metadata, "live": session}, file_attachments(runs), remedy=remedy
+        )
+
+    @property
+    def error(self) -> OSError | None:
+        """Why the file cannot be written to its end, if so."""
+        return self._target.error
+
+    def add(self, metadata: Records, attachments: Sequence[Attachment] = ()) -> None:
+        """Write metadata and attachments."""
+        for name, values in metadata.items():
+            self._file.write_metadata(name, dict(values))
+        for attachment in attachments:
+            self._file.attach(**asdict(attachment))
+
+    def end(self, run: Run, samples: int) -> None:
+        """Write how a run ended, with the number of its samples in the file."""
+        self.add({f"run/{run.plant}": outcome_metadata(Outcome(run.status, run.end_ns, samples))})
+
+    def attach_toml(self, name: str, text: str) -> None:
+        """Attach a TOML document."""
+        self.add({}, [Attachment(0, 0, name, "application/toml", text.encode())])
 
 
 class KeptError:
@@ -172,18 +274,10 @@ class KeptError:
                 self._errors.append(error)
 
 
-def open_file(
-    part: Path | KeptError, context: foxglove.Context, metadata: Records, attachments: Sequence[Attachment]
-) -> foxglove.MCAPWriter:
-    """Open an MCAP file, write metadata and attachments, and then all messages sent to `context`."""
+def _open_file(target: KeptError, context: foxglove.Context) -> foxglove.MCAPWriter:
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
-    target: Any = part  # of which the library only asks to write, seek and flush
-    file = foxglove.open_mcap(target, allow_overwrite=True, context=context, writer_options=options)
-    for name, values in metadata.items():
-        file.write_metadata(name, dict(values))
-    for attachment in attachments:
-        file.attach(**asdict(attachment))
-    return file
+    stream: Any = target  # of which the library only asks to write, seek and flush
+    return foxglove.open_mcap(stream, allow_overwrite=True, context=context, writer_options=options)
 
 
 def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) -> LogError:
@@ -194,15 +288,6 @@ def unfinished(path: Path, part: Path | None, error: Exception, *, remedy: str) 
             return LogError(problem, remedy=f"make room, then cranectl log recover {shlex.quote(str(part))}")
         part.unlink()
     return LogError.unwritable(path, error, remedy=remedy)
-
-
-def _send_in_order(context: foxglove.Context, sent: Sequence[Stream]) -> int:
-    """Send all messages in the order of time, and return their number."""
-    channels = [open_channel(context, stream) for stream in sent]
-    logs = [channel.log for channel in channels]
-    for k, log_time, message in in_order(sent):
-        logs[k](message, log_time=log_time)
-    return sum(len(stream.messages) for stream in sent)
 
 
 def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
@@ -224,6 +309,7 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
 def check_complete(path: Path, sent: int) -> None:
     """Raise OSError unless the file has all messages: the library may drop some without an error."""
     with path.open("rb") as stream:
-        written = read_end(stream, path.stat().st_size).messages
+        end = McapFile(path, stream).end
+    written = end and end.messages
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")

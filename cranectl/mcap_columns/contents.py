@@ -7,9 +7,8 @@ reading, so it cannot contradict what is read, and a file that was cut off is re
 import contextlib
 import shlex
 import zlib
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeVar
@@ -33,9 +32,11 @@ from cranectl.mcap_columns.records import (
     read_record,
     read_records,
     record_name,
+    rows_of,
     section_crc,
     split_records,
 )
+from cranectl.mcap_columns.rows import Column, row_width, signal_names
 from cranectl.support import File, LogError
 
 MAX_SUMMARY = 64 * 2**20  # [bytes]; ten minutes of all samples take 7 MiB
@@ -59,31 +60,133 @@ class End(NamedTuple):
     messages: int | None  # number of messages; None if the file does not have it
 
 
-@dataclass
-class Contents:
-    """The records of a file that have been read."""
+class McapFile:
+    """An MCAP file that is open for reading, and the records that have been read from it.
 
-    size: int  # [bytes] of the file
-    end: End | None = None  # None for a file that was not closed
-    stop: int = len(MAGIC)  # [bytes] up to here all records are complete
-    finished: bool = False  # whether the end of the data was reached
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    attachments: dict[str, Attachment] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=lambda: {0: NO_SCHEMA})
-    channels: dict[int, Channel] = field(default_factory=dict)
-    messages: Counter[int] = field(default_factory=Counter)  # number of messages by channel
-    repeated: set[str] = field(default_factory=set)  # names that several metadata or attachments have
-    _definitions: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    _unpacked: int = 0  # [bytes] of all unpacked chunks
+    Parameters
+    ----------
+    path : str or Path
+        Its path, for messages.
+    stream : BinaryIO
+        The file.
+    closed : bool
+        Whether only a file with a valid end is accepted.
 
-    def chunks(self, stream: BinaryIO) -> Iterator[Content]:
-        """Yield the chunks of the data, and add their messages and definitions to these contents.
+    Raises
+    ------
+    LogError
+        For a file that does not begin, or that does not end, as an MCAP file.
+    DamageError
+        For wrong records at its end.
+    """
+
+    def __init__(self, path: str | Path, stream: BinaryIO, *, closed: bool = True) -> None:
+        self.path, self._stream = path, stream
+        self._check_begin()
+        self.size = stream.seek(0, 2)  # [bytes]
+        self.end = self._read_end() if closed else None
+        self.stop = len(MAGIC)  # [bytes] up to here all records are complete
+        self.finished = False  # whether the end of the data was reached
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, Attachment] = {}
+        self.schemas: dict[int, Schema] = {0: NO_SCHEMA}
+        self.channels: dict[int, Channel] = {}
+        self.messages: Counter[int] = Counter()  # number of messages by channel
+        self.repeated: set[str] = set()  # names that several metadata or attachments have
+        self._definitions: dict[tuple[int, int], bytes] = {}
+        self._unpacked = 0  # [bytes] of all unpacked chunks
+        self._salvaged: list[Content] = []
+
+    @classmethod
+    @contextlib.contextmanager
+    def opened(cls, path: str | Path, *, closed: bool = True, remedy: str = "") -> Iterator["McapFile"]:
+        """Open the file at `path`; turn each error of reading it into a LogError with a remedy."""
+        with contextlib.ExitStack() as stack:
+            try:
+                stream = stack.enter_context(File(Path(path)).open(buffering=BUFFER))
+            except (OSError, ValueError) as error:  # ValueError: a null character in the name
+                raise _unreadable(path, error) from None
+            try:
+                yield cls(path, stream, closed=closed)
+            except (OSError, MemoryError) as error:
+                raise _unreadable(path, error) from None
+            except DamageError as error:
+                if not _is_ours(stream):
+                    raise _foreign(path, str(error)) from None
+                remedy = remedy or _recover(path)
+                if isinstance(error, UnsupportedError):
+                    remedy = f"{error.remedy}; if no other tool has written it, {remedy}"
+                    raise LogError(
+                        f"{path} cannot be read: {error}", allowed=ALLOWED, remedy=remedy
+                    ) from None
+                raise LogError(f"{path} is damaged: {error}", allowed=ALLOWED, remedy=remedy) from None
+
+    def columns(self, is_selected: Callable[[str], bool]) -> dict[int, Column]:
+        """Return the rows of signals of selected topics by channel.
+
+        Raises DamageError for a message of another length, and as `chunks` does.
+        """
+        widths: dict[int, int] = {}
+        parts: dict[int, list[Column]] = defaultdict(list)
+        for content in self._salvaged or self.chunks():
+            for number, channel in self.channels.items():
+                if number not in widths:
+                    schema = self.schemas[channel.schema_id]
+                    widths[number] = row_width(channel, schema) if is_selected(channel.topic) else 0
+                if not widths[number]:
+                    continue
+                column = Column(*rows_of(content.data, content.table, number, widths[number]))
+                if len(column.messages) < len(column.time_ns):
+                    raise DamageError(f"a message of {channel.topic} does not have the length of its type")
+                parts[number].append(column)
+        joined = {}
+        for number in list(parts):
+            times, messages = zip(*parts.pop(number), strict=True)
+            joined[number] = Column(np.concatenate(times), np.concatenate(messages))
+        return joined
+
+    def signals(self, channel: Channel) -> tuple[str, ...]:
+        """Return the names of a channel's signals; raise DamageError if it does not carry rows of them."""
+        return signal_names(channel, self.schemas[channel.schema_id])
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the file seems to be a log of cranectl, complete or not."""
+        return _is_ours(self._stream)
+
+    def foreign(self) -> LogError:
+        """Return the error for an MCAP file of another program."""
+        return _foreign(self.path)
+
+    def salvage(self) -> bool:
+        """Read the chunks before the first damage, for `columns` and `messages_of`; return False without one.
+
+        Raises UnsupportedError if what cannot be read comes first.
+        """
+        try:
+            self._salvaged.extend(self.chunks())
+        except DamageError as error:
+            if not self._salvaged and isinstance(error, UnsupportedError):
+                raise
+        return bool(self._salvaged)
+
+    def messages_of(self, number: int) -> list[tuple[int, bytes]]:
+        """Return time [ns] and content of the salvaged messages of a channel."""
+        return [
+            (time_ns, chunk.data[start:stop].tobytes())
+            for chunk in self._salvaged
+            for channel, time_ns, start, stop in chunk.table.tolist()
+            if channel == number
+        ]
+
+    def chunks(self) -> Iterator[Content]:
+        """Yield the chunks of the data, and add their messages and definitions to those of the file.
 
         Records outside chunks are collected and yielded like chunks. Raises DamageError for damaged records,
         and at the end if a closed file has another end or another number of messages than it states.
         """
         outside: list[Record] = []  # consecutive records that are in no chunk
-        for record in read_records(stream, len(MAGIC), self.size):
+        for record in read_records(self._stream, len(MAGIC), self.size):
             if outside and (record.opcode not in UNCHUNKED or sum(r.length for r in outside) > MAX_UNCHUNKED):
                 records = b"".join(PREFIX.pack(r.opcode, len(r.body)) + r.body for r in outside)
                 yield self._content(split_records(records, "its messages"), outside[0].start)
@@ -158,57 +261,51 @@ class Contents:
                 raise DamageError(f"the type of {channel.topic} is not defined")
             self.channels[channel.id] = channel
 
+    def _check_begin(self) -> None:
+        begin = self._stream.read(len(MAGIC))
+        if not begin:
+            raise LogError(f"{self.path} is empty", allowed=ALLOWED, remedy="run the scenario again")
+        if not MAGIC.startswith(begin):
+            raise LogError(
+                f"{self.path} is not an MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote"
+            )
 
-def read_end(stream: BinaryIO, size: int) -> End:
-    """Read the end of a closed file; raise DamageError for wrong records or checksums there."""
-    stop = size - len(MAGIC) - _FOOTER_LENGTH
-    footer = parse(Footer.read, read_record(stream, max(stop, 0), size - len(MAGIC), Opcode.FOOTER))
-    start = footer.summary_start or stop  # 0 means that there is no summary
-    data_end = start - _DATA_END_LENGTH
-    if not len(MAGIC) <= data_end <= stop - _DATA_END_LENGTH:
-        raise DamageError(f"its summary would start at byte {start}")
-    if stop - start > MAX_SUMMARY:
-        raise UnsupportedError(
-            f"its summary has {stop - start} bytes, more than {MAX_SUMMARY}", "write the file in fewer chunks"
-        )
-    if footer.summary_crc:
-        check_crc(section_crc(stream, start, size - len(MAGIC) - 4), footer.summary_crc, "the summary")
-    end = parse(DataEnd.read, read_record(stream, data_end, start, Opcode.DATA_END))
-    if end.data_section_crc:
-        check_crc(section_crc(stream, 0, data_end), end.data_section_crc, "the data")
-    counts = [
-        parse(Statistics.read, record).message_count
-        for record in read_records(stream, start, stop)
-        if record.opcode == Opcode.STATISTICS
-    ]
-    if len(counts) > 1:
-        raise DamageError(f"its summary has {len(counts)} statistics instead of one")
-    return End(data_end, counts[0] if counts else None)
-
-
-@contextlib.contextmanager
-def opened(path: str | Path, *, remedy: str = "") -> Iterator[BinaryIO]:
-    """Open the file at `path`; turn each error of reading it into a LogError with a remedy."""
-    with contextlib.ExitStack() as stack:
-        try:
-            stream = stack.enter_context(File(Path(path)).open(buffering=BUFFER))
-        except (OSError, ValueError) as error:  # ValueError: a null character in the name
-            raise _unreadable(path, error) from None
-        try:
-            yield stream
-        except (OSError, MemoryError) as error:
-            raise _unreadable(path, error) from None
-        except DamageError as error:
-            if not is_ours(stream):
-                raise foreign(path, str(error)) from None
-            remedy = remedy or _recover(path)
-            if isinstance(error, UnsupportedError):
-                remedy = f"{error.remedy}; if no other tool has written it, {remedy}"
-                raise LogError(f"{path} cannot be read: {error}", allowed=ALLOWED, remedy=remedy) from None
-            raise LogError(f"{path} is damaged: {error}", allowed=ALLOWED, remedy=remedy) from None
+    def _read_end(self) -> End:
+        """Read the end of a closed file; raise LogError or DamageError for another one."""
+        stream, size = self._stream, self.size
+        stream.seek(max(size - len(MAGIC), 0))
+        if size == len(MAGIC) or stream.read() != MAGIC:
+            if not self.is_ours:
+                raise _foreign(self.path, "truncated")
+            error = f"{self.path} is truncated: it does not end as a closed log does"
+            raise LogError(error, allowed=ALLOWED, remedy=_recover(self.path))
+        stop = size - len(MAGIC) - _FOOTER_LENGTH
+        footer = parse(Footer.read, read_record(stream, max(stop, 0), size - len(MAGIC), Opcode.FOOTER))
+        start = footer.summary_start or stop  # 0 means that there is no summary
+        data_end = start - _DATA_END_LENGTH
+        if not len(MAGIC) <= data_end <= stop - _DATA_END_LENGTH:
+            raise DamageError(f"its summary would start at byte {start}")
+        if stop - start > MAX_SUMMARY:
+            raise UnsupportedError(
+                f"its summary has {stop - start} bytes, more than {MAX_SUMMARY}",
+                "write the file in fewer chunks",
+            )
+        if footer.summary_crc:
+            check_crc(section_crc(stream, start, size - len(MAGIC) - 4), footer.summary_crc, "the summary")
+        end = parse(DataEnd.read, read_record(stream, data_end, start, Opcode.DATA_END))
+        if end.data_section_crc:
+            check_crc(section_crc(stream, 0, data_end), end.data_section_crc, "the data")
+        counts = [
+            parse(Statistics.read, record).message_count
+            for record in read_records(stream, start, stop)
+            if record.opcode == Opcode.STATISTICS
+        ]
+        if len(counts) > 1:
+            raise DamageError(f"its summary has {len(counts)} statistics instead of one")
+        return End(data_end, counts[0] if counts else None)
 
 
-def is_ours(stream: BinaryIO) -> bool:
+def _is_ours(stream: BinaryIO) -> bool:
     """Return True if a file seems to be a log of cranectl, complete or not: SIGNATURE occurs near its start.
 
     If another tool has rewritten the log, it may occur only near the end, where the summary repeats types. A
@@ -221,37 +318,13 @@ def is_ours(stream: BinaryIO) -> bool:
     )
 
 
-def foreign(path: str | Path, why: str = "") -> LogError:
+def _foreign(path: str | Path, why: str = "") -> LogError:
     """Return the error for an MCAP file of another program; `why` is its fault, if there is one."""
     return LogError(
         f"{path} is an MCAP file, but not of cranectl{f' ({why})' if why else ''}",
         allowed="logs that cranectl wrote",
         remedy="name such a log, or open the file in a viewer",
     )
-
-
-def check_begin(path: str | Path, stream: BinaryIO) -> None:
-    """Raise LogError for a file that does not begin as an MCAP file."""
-    begin = stream.read(len(MAGIC))
-    if not begin:
-        raise LogError(f"{path} is empty", allowed=ALLOWED, remedy="run the scenario again")
-    if not MAGIC.startswith(begin):
-        raise LogError(
-            f"{path} is not an MCAP file", allowed=ALLOWED, remedy="name a log that cranectl wrote"
-        )
-
-
-def open_contents(path: str | Path, stream: BinaryIO) -> Contents:
-    """Return the contents of a closed log before its data are read; raise LogError or DamageError."""
-    check_begin(path, stream)
-    size = stream.seek(0, 2)
-    stream.seek(max(size - len(MAGIC), 0))
-    if size == len(MAGIC) or stream.read() != MAGIC:
-        if not is_ours(stream):
-            raise foreign(path, "truncated")
-        error = f"{path} is truncated: it does not end as a closed log does"
-        raise LogError(error, allowed=ALLOWED, remedy=_recover(path))
-    return Contents(size, read_end(stream, size))
 
 
 def _unreadable(path: str | Path, error: Exception) -> LogError:

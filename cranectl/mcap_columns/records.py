@@ -147,13 +147,6 @@ Bytes = NDArray[np.uint8]
 Integers = NDArray[np.int64]
 
 
-class Column(NamedTuple):
-    """The messages of a channel, all of one length, in the order of the file."""
-
-    time_ns: Integers  # (N,)
-    messages: Bytes  # (N, length)
-
-
 @dataclass(frozen=True)
 class Content:
     """The records of a chunk."""

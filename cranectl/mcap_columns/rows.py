@@ -1,10 +1,8 @@
-"""Decode rows of signals: protobuf messages in which every field is an `optional double` and present."""
+"""Encode and decode rows of signals: protobuf messages whose fields are all `optional double` and present."""
 
 import functools
-from collections import defaultdict
-from collections.abc import Callable, Iterable
-from pathlib import Path
-from typing import Any, BinaryIO
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from google.protobuf import descriptor_pb2
@@ -12,45 +10,55 @@ from google.protobuf.message import DecodeError
 from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 
-from cranectl.mcap_columns.contents import Contents, open_contents
-from cranectl.mcap_columns.records import Column, Content, DamageError, rows_of
+from cranectl.mcap_columns.records import Bytes, DamageError, Integers
 
 MAX_DEFINITION = 2**16  # [bytes] of the message type of a row of signals; our longest have about 1000
 Field = descriptor_pb2.FieldDescriptorProto
 
 _FIXED64 = 1  # protobuf wire type of a double
+ENCODED_ROWS = 1000  # rows encoded at a time
 
 
-def read_rows(
-    path: str | Path, stream: BinaryIO, is_selected: Callable[[str], bool]
-) -> tuple[Contents, dict[int, Column]]:
-    """Return the contents of a closed file, and by channel the rows of selected topics; raise its errors."""
-    contents = open_contents(path, stream)
-    return contents, columns_of(contents, contents.chunks(stream), is_selected)
+class Column(NamedTuple):
+    """The messages of a channel, all of one length, in the order of the file."""
+
+    time_ns: Integers  # (N,)
+    messages: Bytes  # (N, length)
+
+    def values(self, n_signals: int) -> NDArray[np.float64]:
+        """Return the signals (N, signals); raise ValueError for messages that are no rows of them."""
+        return decode_table(self.messages, n_signals)
 
 
-def columns_of(
-    contents: Contents, chunks: Iterable[Content], is_selected: Callable[[str], bool]
-) -> dict[int, Column]:
-    """Return the rows of selected topics by channel; raise DamageError for a message of another length."""
-    widths: dict[int, int] = {}
-    parts: dict[int, list[Column]] = defaultdict(list)
-    for content in chunks:
-        for number, channel in contents.channels.items():
-            if number not in widths:
-                schema = contents.schemas[channel.schema_id]
-                widths[number] = row_width(channel, schema) if is_selected(channel.topic) else 0
-            if not widths[number]:
-                continue
-            column = Column(*rows_of(content.data, content.table, number, widths[number]))
-            if len(column.messages) < len(column.time_ns):
-                raise DamageError(f"a message of {channel.topic} does not have the length of its type")
-            parts[number].append(column)
-    joined = {}
-    for number in list(parts):
-        times, messages = zip(*parts.pop(number), strict=True)
-        joined[number] = Column(np.concatenate(times), np.concatenate(messages))
-    return joined
+class EncodedRows(Sequence[bytes]):
+    """Protobuf messages of the rows of an array (N, signals), encoded only when they are read.
+
+    All messages at once would take more memory than the run. An index must be a single integer.
+    """
+
+    def __init__(self, values: NDArray[np.float64]) -> None:
+        self._values = values
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __iter__(self) -> Iterator[bytes]:
+        for first in range(0, len(self._values), ENCODED_ROWS):
+            yield from _encoded(self._values[first : first + ENCODED_ROWS])
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return the message of one row."""
+        return _encoded(self._values[index, np.newaxis])[0]
+
+
+def _encoded(values: NDArray[np.float64]) -> list[bytes]:
+    layout = row_layout(values.shape[1])
+    rows = np.zeros(len(values), dtype=layout)
+    for number in range(1, values.shape[1] + 1):
+        rows[f"tag{number}"] = np.frombuffer(tag(number), dtype="u1")
+        rows[f"value{number}"] = values[:, number - 1]
+    messages: list[bytes] = rows.view(f"V{layout.itemsize}").tolist()
+    return messages
 
 
 def row_width(channel: Channel, definition: Schema) -> int:

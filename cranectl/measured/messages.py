@@ -88,7 +88,7 @@ def read_mcap(path: Path, where: str) -> TableHead:
     """Return the head of an MCAP file with rows of signals, JSON or messages of ROS."""
     from mcap.reader import make_reader
 
-    from cranectl.mcap_columns import columns_of, decode_table, open_contents, signal_names
+    from cranectl.mcap_columns import McapFile
 
     arrays: dict[str, Array] = {}
     with path.open("rb") as stream:
@@ -97,20 +97,20 @@ def read_mcap(path: Path, where: str) -> TableHead:
     if {channel.message_encoding for channel in channels} & ROS:
         return read_bag(path, where)
     with path.open("rb") as stream:
-        contents = open_contents(path, stream)
-        rows = columns_of(contents, contents.chunks(stream), lambda _: True)
+        file = McapFile(path, stream)
+        rows = file.columns(lambda _: True)
     for number, column in rows.items():
-        channel = contents.channels[number]
-        names = signal_names(channel, contents.schemas[channel.schema_id])
+        channel = file.channels[number]
+        names = file.signals(channel)
         topic = channel.topic.removeprefix("/")
         arrays[f"{topic}.time"] = 1e-9 * (column.time_ns - column.time_ns[0])
-        for name, values in zip(names, decode_table(column.messages, len(names)).T, strict=True):
+        for name, values in zip(names, column.values(len(names)).T, strict=True):
             arrays[f"{topic}.{name}"] = values.copy()
     series = MessageSeries()
-    for number, channel in contents.channels.items():
+    for number, channel in file.channels.items():
         if number not in rows and channel.message_encoding != "json":
             series.leave_out(channel.topic.removeprefix("/"), f"{channel.message_encoding} messages")
-    if any(channel.message_encoding == "json" for channel in contents.channels.values()):
+    if any(channel.message_encoding == "json" for channel in file.channels.values()):
         _add_json(series, path)
     return series.head(where, arrays)
 

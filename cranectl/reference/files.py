@@ -152,7 +152,7 @@ def _apply_signs(columns: dict[str, Array], settings: FromFile) -> dict[str, Arr
 
 def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) -> RecordedMotion:
     """Read the motion from a log, which states its units."""
-    from cranectl.mcap_columns import decode_table, opened, read_rows, signal_names
+    from cranectl.mcap_columns import McapFile
 
     if "speed" in kinds:
         raise InputError(
@@ -161,8 +161,8 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
             remedy="leave out columns.speed",
         )
     topic = f"/{settings.topic.removeprefix('/')}"
-    with opened(path) as stream:
-        contents, columns = read_rows(path, stream, lambda other: other == topic)
+    with McapFile.opened(path) as file:
+        columns = file.columns(lambda other: other == topic)
         for name in ("columns", "units"):
             if getattr(settings, name).model_fields_set:
                 raise InputError(
@@ -171,16 +171,12 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
                     remedy=f"leave out {name}",
                 )
         fields = {
-            channel.topic: (
-                number,
-                signal_names(channel, contents.schemas[channel.schema_id]),
-                channel.metadata,
-            )
-            for number, channel in contents.channels.items()
+            channel.topic: (number, file.signals(channel), channel.metadata)
+            for number, channel in file.channels.items()
             if any("[m]" in channel.metadata.get(path[0], "") for path in LOG_PATHS)
             and not channel.topic.startswith("/diff/")
         }
-        if not fields and "cranectl" not in contents.metadata:
+        if not fields and "cranectl" not in file.metadata:
             raise InputError(
                 f"{where} is an MCAP file, but not of cranectl",
                 allowed="a log of cranectl, a CSV or a Parquet file",
@@ -192,7 +188,7 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
                 f"{where}: {error.found} of a load or trolley", allowed=error.allowed, remedy=error.remedy
             )
         number, names, _ = fields[topic]
-        rows = decode_table(columns[number].messages, len(names))
+        rows = columns[number].values(len(names))
     with path.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     signals = next(path for path in LOG_PATHS if path[0] in names)

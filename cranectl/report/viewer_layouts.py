@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from cranectl.analysis.levels import NAMES
-from cranectl.log import STEP, topics
+from cranectl.log import Topics
 from cranectl.plants import PLANTS
 from cranectl.report.viewer_panels import (
     Layout,
@@ -37,8 +37,8 @@ SIGNALS: dict[tuple[str, str], Signal] = {
     for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))
     for signal in group.signals
 }
-DISTANCE = topics.DISTANCE.signals[0]  # of the load
-SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (topics.DISTANCE.name, STEP)}
+DISTANCE = Topics.DISTANCE.signals[0]  # of the load
+SIGNALS |= {(group, DISTANCE.name): DISTANCE for group in (Topics.DISTANCE.name, Topics.STEP)}
 MIN_ORDER = -9.0  # power of ten of the least distance [m] that a fidelity level adds; less is rounding
 DISTANCE_EXPONENT = -14.0  # power of ten of the least distance in logs
 # Height of the standings in [%] of a window of 900 pixels.
@@ -147,7 +147,7 @@ def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -
 
 def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
     """Return plots of the signals that a controller logs, one for each of the first units."""
-    topic, by_unit = topics.plant_topic(plant, "controller"), dict[str, list[dict[str, Any]]]()
+    topic, by_unit = Topics(plant).of("controller"), dict[str, list[dict[str, Any]]]()
     for signal in logged:
         lines = by_unit.setdefault(signal.unit, [])
         if len(lines) < len(Palette.VIEWER.series):
@@ -182,11 +182,11 @@ def _overlay(labels: Sequence[str]) -> Layout:
             allowed="the runs of a log that cranectl log overlay or cranectl ladder wrote",
             remedy="name such a log with --log",
         )
-    target = topics.plant_topic(labels[0], topics.OVERLAY_REFERENCE)
-    others = _of_labels(labels, topics.DISTANCE.name, DISTANCE.name)
+    target = Topics(labels[0]).reference
+    others = _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name)
     far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
-    shown = [topics.plant_topic(label, kind) for label in labels for kind in ("model", topics.ROPE, "trail")]
-    shown.append(topics.plant_topic(labels[0], topics.ARROW))
+    shown = [Topics(label).of(kind) for label in labels for kind in ("model", "rope", "trail")]
+    shown.append(Topics(labels[0]).of("disturbance_arrow"))
     left = _crane_and_standings(scene_panel(shown), labels)
     return row([left, _several(partial(_of_labels, labels), far, target)], (42, 58))
 
@@ -197,12 +197,12 @@ def _ladder(labels: Sequence[str]) -> Layout:
     if len(labels) == 1:  # nothing to be compared
         return _overlay(labels)
     orders = []
-    for where, group in (("the level before", STEP), (labels[0], topics.DISTANCE.name)):
+    for where, group in (("the level before", Topics.STEP), (labels[0], Topics.DISTANCE.name)):
         lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
         orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=MIN_ORDER))
-    metres = plot(f"distance from {labels[0]}", _of_labels(labels, topics.DISTANCE.name, DISTANCE.name))
-    shown = [topics.plant_topic(labels[0], kind) for kind in ("model", topics.ROPE, topics.ARROW)]
-    shown += [topics.plant_topic(label, "trail") for label in labels]
+    metres = plot(f"distance from {labels[0]}", _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name))
+    shown = [Topics(labels[0]).of(kind) for kind in ("model", "rope", "disturbance_arrow")]
+    shown += [Topics(label).of("trail") for label in labels]
     left = _crane_and_standings(scene_panel(shown), labels[-1:])
     others = map(without_legend, (orders[1], metres))
     right = column([orders[0], *others, events()], (44, 20, 20, 16))
@@ -219,9 +219,7 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
 }
 
 
-def _several(
-    of: Callable[[str, str], Lines], distances: Layout, topic: str = topics.REFERENCE_LOAD
-) -> Layout:
+def _several(of: Callable[[str, str], Lines], distances: Layout, topic: str = Topics.REFERENCE) -> Layout:
     """Show signals `of` several runs and the reference; the plot with the legend is as wide as two others."""
     x, *rest = (plot(f"load {a}", [*of("load", f"load_{a}"), _reference(a, topic)]) for a in "xyz")
     angles = (plot(name, of("state", name)) for name in ("alpha", "beta"))
@@ -262,7 +260,7 @@ def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
 def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "") -> Lines:
     """Return a signal of each run of an overlay, in its colour; the first has no distance from itself."""
     first = 1 if name == DISTANCE.name else 0
-    fields = (field_of(topics.plant_topic(label, group), name) for label in labels)
+    fields = (field_of(Topics(label).of(group), name) for label in labels)
     lines = zip(fields, labels, Palette.VIEWER.series, strict=False)
     return [_line(f"{field}{modifier}", SIGNALS[group, name], *look) for field, *look in lines][first:]
 
@@ -270,17 +268,16 @@ def _of_labels(labels: Sequence[str], group: str, name: str, modifier: str = "")
 def _path(plant: str, group: str, name: str, k: int = 0) -> dict[str, Any]:
     """Return one line of a plot."""
     signal = SIGNALS[group, name]
-    topic = topics.plant_topic(plant, group)
-    return _line(f"{topic}.{name}", signal, signal.symbol, Palette.VIEWER.series[k])
+    return _line(f"{Topics(plant).of(group)}.{name}", signal, signal.symbol, Palette.VIEWER.series[k])
 
 
 def _distance_plots(plants: Sequence[str]) -> list[Panel]:
     """Return plots of the differences between plants, in powers of ten down to rounding."""
     several, others, plots = len(plants) > 2, [p for p in plants if p != PLANTS.reference(plants)], []
-    for signal, colour in zip(topics.DISTANCE.signals, Palette.VIEWER.series, strict=False):
+    for signal, colour in zip(Topics.DISTANCE.signals, Palette.VIEWER.series, strict=False):
         lines = []
         for name in others:
-            topic = topics.difference_topic(topics.DISTANCE.name, name if several else "")
+            topic = Topics.difference(Topics.DISTANCE.name, name if several else "")
             look = signal.symbol, colour
             if several:
                 look = PLANTS[name].label, Palette.VIEWER[PLANTS[name].colour]
@@ -289,7 +286,7 @@ def _distance_plots(plants: Sequence[str]) -> list[Panel]:
     return plots
 
 
-def _reference(axis: str, topic: str = topics.REFERENCE_LOAD) -> dict[str, Any]:
+def _reference(axis: str, topic: str = Topics.REFERENCE) -> dict[str, Any]:
     (signal,) = (signal for signal in SignalGroup.REFERENCE.signals if signal.name == f"load_{axis}")
     return _line(field_of(topic, signal.name), signal, signal.symbol, Palette.VIEWER["reference"])
 
@@ -301,5 +298,4 @@ def _line(value: str, signal: Signal, label: str, colour: str) -> dict[str, Any]
 
 def _cranes(plants: Sequence[str]) -> list[str]:
     """Return the topics that draw these plants."""
-    kinds = ("model", topics.ROPE, "trail", topics.ARROW, *topics.FORMER_NAMES)
-    return [topics.plant_topic(plant, name) for plant in plants for name in kinds]
+    return [topic for plant in plants for topic in Topics(plant).drawn]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.log import topics
+from cranectl.log import Topics
 from cranectl.plants import PLANTS
 from cranectl.scenario import Drawing, RigParameters
 
@@ -22,7 +22,7 @@ CAMERA = {  # looks at the middle of the rig from outside a long side, past the 
 
 def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
     """Return a panel of what is `drawn` in space, seen from `distance` [m]."""
-    shown = [topics.REFERENCE_PATH, topics.WORKSPACE, *drawn]
+    shown = [Topics.PATH, Topics.WORKSPACE, *drawn]
     grid = {
         "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
         "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
@@ -121,7 +121,7 @@ def without_legend(drawn: Panel) -> Panel:
 
 def events() -> Panel:
     """Return the panel of events in words."""
-    return panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=topics.LOG)
+    return panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=Topics.LOG)
 
 
 def service(name: str) -> Panel:
@@ -144,7 +144,7 @@ def standings(plants: Sequence[str]) -> Panel:
     shown = [(plant, "status") for plant in plants] + [(plants[-1], "phase")] * (len(plants) < 3)
     paths = []
     for plant, field in shown:
-        value = field_of(topics.plant_topic(plant, "status"), field)
+        value = field_of(Topics(plant).status, field)
         name = PLANTS[plant].label if plant in PLANTS else plant  # the crane of a ladder has no label
         paths.append({"value": value, "label": f"{name} {field}", "timestampMethod": "receiveTime"})
     return panel("StateTransitions", "phase and status", paths=paths, isSynced=True)

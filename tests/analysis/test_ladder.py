@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from cranectl.analysis.ladder import check_steps, deviation, evaluate_levels
 from cranectl.analysis.levels import BASE, EFFECT_LEVELS, LEVELS, NAMES, with_effects
 from cranectl.cli.main import main
-from cranectl.log.overlay import read_layers
+from cranectl.log.overlay import Log
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import StepError
 from cranectl.scenario import Scenario
@@ -119,7 +119,7 @@ def test_the_log_of_a_ladder_is_an_overlay_of_its_levels(
     monkeypatch.chdir(tmp_path)
     settings = ["--controller", "lqr", "--set", "duration=0.5", "--set", "disturbances=[]"]
     assert main(["ladder", "fixed-position", *settings, "--top", "sensing", "--out", "a.mcap"]) == 0
-    layers = read_layers("a.mcap")
+    layers = Log.read("a.mcap").layers
     assert [*layers] == [level.name for level in LEVELS[:6]]
     scenario = load_scenario("fixed-position", overrides=settings[3::2])
     for result, layer in zip(evaluate_levels(scenario, "lqr", top="sensing"), layers.values(), strict=True):
@@ -147,7 +147,7 @@ def test_the_model_file_of_a_rig_is_the_last_level(
     assert (model["level"], model["plant"], model["drive"]) == ("model", "hall", "velocity")
     assert model["alone"]["max"] < 1e-6, "it is the same crane"
     assert model["cumulative"]["max"] > 1e-4, "it has no friction"
-    layers = read_layers("a.mcap")
+    layers = Log.read("a.mcap").layers
     assert layers["model"].run.scenario.effects.names == ("limits", "sensing", "delay", "wind")
     assert layers["model"].run.scenario.effects.limits.force == (DriveLimits.NO_LIMIT,) * 3
     assert [*layers][-2:] == [frame["level"], "model"]

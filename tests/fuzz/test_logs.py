@@ -9,7 +9,8 @@ import pytest
 from hypothesis import strategies as st
 from mcap.records import Message
 
-from cranectl.log.reader import describe_log, read_log
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -54,7 +55,7 @@ def check_log(template: Path, content: bytes, reader: str, stream: str) -> None:
         except LogError:
             assert log is not content or code == 2 or reader == "log recover"
         else:
-            check_runs(runs, describe_log(path).every)
+            check_runs(runs, LogDescription.of(path).every)
         finally:
             path.unlink()
 

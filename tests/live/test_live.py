@@ -22,13 +22,14 @@ from cranectl.cli.live import live_command
 from cranectl.compare.agreement import judge
 from cranectl.design import design_controller
 from cranectl.live.commands import Controls
-from cranectl.live.increments import Increments
 from cranectl.live.server import COMMAND_INTERVAL, MAX_LAG, LiveServer, Pace
 from cranectl.live.session import Session
 from cranectl.live.viewers import Address
+from cranectl.log.description import LogDescription
 from cranectl.log.events import Phase
+from cranectl.log.live_messages import LiveMessages
 from cranectl.log.messages import streams
-from cranectl.log.reader import describe_log, read_log
+from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -126,7 +127,7 @@ def test_topics_services_and_parameters_are_advertised(tmp_path: Path, short: Sc
             "clientPublish",
         }
         assert viewer.info["supportedEncodings"] == ["json"]
-        expected = {topic.topic: topic.schema for topic in describe_log(log).topics}
+        expected = {topic.topic: topic.schema for topic in LogDescription.of(log).topics}
         del expected["/diff/verdict"]
         viewer.until(lambda: len(viewer.channels) >= len(expected))
         assert {topic: c["schemaName"] for topic, c in viewer.channels.items()} == expected
@@ -362,12 +363,12 @@ def test_a_session_without_commands_records_a_run_bit_for_bit(tmp_path: Path) ->
         ("fixed-position", STOP, 20),
     ],
 )
-def test_increments_give_the_messages_of_a_log(name: str, overrides: tuple[str, ...], block: int) -> None:
+def test_parts_give_the_messages_of_a_log(name: str, overrides: tuple[str, ...], block: int) -> None:
     """Exceptions are the messages on the end of the run, and a last pose between two regular ones."""
     scenario = load_scenario(name, overrides=overrides)
     design = design_controller("lqr", scenario.design)
     running = Session(scenario, design, plants=PAIR)
-    increments = Increments(scenario, running.plan, PAIR)
+    parts = LiveMessages(scenario, running.plan, PAIR)
     sent: dict[str, list[tuple[int, bytes]]] = {}
 
     def collect(new_streams: list) -> None:
@@ -376,12 +377,12 @@ def test_increments_give_the_messages_of_a_log(name: str, overrides: tuple[str, 
                 zip(stream.time_ns.tolist(), stream.messages, strict=True)
             )
 
-    collect(increments.opening_messages(running.advance(0), 0))
+    collect(parts.opening_messages(running.advance(0), 0))
     remaining = scenario.steps + 1
     while remaining > 0 and running.moving:
-        collect(increments.messages(running.advance(min(block, remaining)), running.origin_ns))
+        collect(parts.messages(running.advance(min(block, remaining)), running.origin_ns))
         remaining -= block
-    collect(increments.unsent_samples())
+    collect(parts.unsent_samples())
     runs = [
         simulate_run(scenario, plant=p, design=design).every(scenario.log.every)
         for p in ("analytic", "mujoco")
@@ -415,10 +416,10 @@ def test_the_reference_is_sent_once_when_one_plant_stops() -> None:
     scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]"])
     design = design_controller("lqr", scenario.design)
     running = Session(scenario, design, plants=PAIR)
-    increments = Increments(scenario, running.plan, PAIR)
+    parts = LiveMessages(scenario, running.plan, PAIR)
     first, second = running.advance(22)
     stopped = replace(first, status=RunStatus.WORKSPACE_LEFT, end_ns=21_000_000)
-    sent = [*increments.messages([stopped, second], 0), *increments.unsent_samples()]
+    sent = [*parts.messages([stopped, second], 0), *parts.unsent_samples()]
     times = {topic: [] for topic in ("/reference/load", "/analytic/state", "/mujoco/state")}
     for stream in sent:
         if stream.topic in times:

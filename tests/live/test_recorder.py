@@ -5,12 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import foxglove
 import pytest
 
 from cranectl.live.recorder import Recorder, next_file, reserve_recording
-from cranectl.live.viewers import Publisher
 from cranectl.log.messages import streams
+from cranectl.log.writer import Channels
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import LogError
@@ -98,13 +97,12 @@ def test_an_unwritable_place_is_explained(name: str) -> None:
 
 def test_a_full_disk_is_told_once(short: Scenario, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     run = simulate_run(short, plant="analytic", controller="lqr")
-    context = foxglove.Context()
-    publisher = Publisher(context)
-    recorder = Recorder(tmp_path / "a.mcap", context, publisher)
+    channels = Channels()
+    recorder = Recorder(tmp_path / "a.mcap", channels)
     recorder.begin([run], 0, "start")
     with full_disk():
         for _ in range(3):  # also messages after the first that fails
-            publisher.send(streams([run]))
+            channels.send(streams([run]))
         assert isinstance(recorder.error, OSError)
         with pytest.raises(LogError, match="File too large"):
             recorder.finish([run], completed=True)

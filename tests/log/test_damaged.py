@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mcap.opcode import Opcode
 
-from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log, read_signal
 from cranectl.simulate import Run
 from cranectl.support.errors import LogError
 from tests.log.corruption import SIGNAL, correct_checksums, record_positions
@@ -26,7 +27,7 @@ def check(
         path.write_bytes(data)
         try:
             runs = read_log(path)
-            describe_log(path)
+            LogDescription.of(path)
             _, alpha = read_signal(path, SIGNAL)
         except LogError:
             refused += 1

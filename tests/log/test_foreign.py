@@ -15,11 +15,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log, read_signal
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import write_log
-from cranectl.mcap_columns.contents import opened
-from cranectl.mcap_columns.rows import read_rows
+from cranectl.mcap_columns.contents import McapFile
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
@@ -127,10 +127,10 @@ def test_a_log_rewritten_by_another_tool_is_read_and_recovered(
         assert_same(read_log(log)["analytic"], short_run.every(4))
     _, alpha = read_signal(path, "analytic/state.alpha")
     assert np.array_equal(alpha, short_run.every(4).signal("state.alpha"))
-    assert describe_log(path).versions == describe_log(written).versions
+    assert LogDescription.of(path).versions == LogDescription.of(written).versions
     if "other topics" in form:
-        with opened(saved) as stream:
-            contents, _ = read_rows(saved, stream, lambda _: True)
+        with McapFile.opened(saved) as contents:
+            contents.columns(lambda _: True)
         by_topic = {channel.topic: channel for channel in contents.channels.values()}
         encodings = [by_topic[name].message_encoding for name in ("/pose", "/ros", "/raw")]
         assert encodings == ["json", "cdr", "json"]
@@ -260,7 +260,7 @@ def check_foreign(directory: Path, content: bytes) -> None:
     segment = "kind = 'samples'\nfile = 'teach.mcap'"
     for attempt in (
         lambda: read_log(path),
-        lambda: describe_log(path),
+        lambda: LogDescription.of(path),
         lambda: recover_log(path, directory / "out.mcap"),
         lambda: scenario_of(directory, segment),
     ):

@@ -13,8 +13,9 @@ import pytest
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 
+from cranectl.log.description import LogDescription
 from cranectl.log.header import FORMATS
-from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.reader import read_log, read_signal
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import write_logged
 from cranectl.simulate import Run
@@ -118,7 +119,7 @@ def check(sample: Sample, runs: dict[str, Run]) -> None:
 
 def test_each_readable_format_has_a_sample() -> None:
     assert sorted(path.name for path in SAMPLES.iterdir()) == sorted(sample.name for sample in SAMPLE_LOGS)
-    assert {describe_log(sample.path).format for sample in SAMPLE_LOGS} == set(FORMATS)
+    assert {LogDescription.of(sample.path).format for sample in SAMPLE_LOGS} == set(FORMATS)
     assert max(FORMATS, key=int) == FORMATS[-1]
 
 
@@ -130,7 +131,7 @@ def test_a_sample_log_is_read(sample: Sample) -> None:
     for name in names_of(run):
         time, values = read_signal(sample.path, f"{plant}/{name}")
         assert (time.tolist(), values.tolist()) == (run.time.tolist(), run.signal(name).tolist())
-    description = describe_log(sample.path)
+    description = LogDescription.of(sample.path)
     assert (description.every, description.versions["mujoco"]) == (sample.every, "4.0.0")
 
 
@@ -154,7 +155,7 @@ def test_settings_and_margins_of_a_sample_log_are_read() -> None:
 
 
 def test_a_log_without_fingerprints_is_read(tmp_path: Path) -> None:
-    assert not {*Provenance.FINGERPRINTS, "machine"} & describe_log(LIVE.path).versions.keys()
+    assert not {*Provenance.FINGERPRINTS, "machine"} & LogDescription.of(LIVE.path).versions.keys()
     parts = take_apart(PAIR.path)
     for name in (*Provenance.FINGERPRINTS, "llvmlite", "machine"):
         del parts.meta("versions").metadata[name]

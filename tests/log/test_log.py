@@ -16,13 +16,15 @@ from cranectl import signals
 from cranectl.compare.runs import compare_runs
 from cranectl.log.events import Disturbed, Phase, Saturated, phases
 from cranectl.log.reader import read_log
-from cranectl.log.topics import EncodedRows, group_schema
-from cranectl.log.writer import check_writable, write_log
+from cranectl.log.topics import group_schema
+from cranectl.log.writer import write_log
+from cranectl.mcap_columns.rows import EncodedRows
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
+from cranectl.support.files import FileKind
 from cranectl.support.units import Quantity
 from tests.conftest import closed_loop, cut
 from tests.controllers.test_flat import robust_design
@@ -264,7 +266,7 @@ def test_unwritable_paths_are_refused(tmp_path: Path, runs: dict[str, Run]) -> N
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file" / "a.mcap", tmp_path, Path(), tmp_path / ("a" * 300), tmp_path / "a\0b"):
         with pytest.raises(LogError) as caught:
-            check_writable(path)
+            FileKind.MCAP.check_place(path, option="--out")
         assert "--out" in caught.value.remedy
         with pytest.raises(LogError):
             write_log(path, list(runs.values()))
@@ -276,8 +278,8 @@ def test_dropped_messages_are_detected(
     """The library only warns about a lost message, but such a log is incomplete."""
     from cranectl.log import writer
 
-    send = writer._send_in_order
-    monkeypatch.setattr(writer, "_send_in_order", lambda *a: send(*a) + 1)
+    send = writer.Channels.send
+    monkeypatch.setattr(writer.Channels, "send", lambda self, sent: send(self, sent) or self.sent.update("x"))
     with pytest.raises(LogError, match="messages were written"):
         write_log(tmp_path / "a.mcap", list(runs.values()))
 

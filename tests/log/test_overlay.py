@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.log.overlay import Layer, check_labels, labels_of, read_layers, write_overlay
+from cranectl.log.overlay import Layer, Log, check_labels, labels_of, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
@@ -42,7 +42,7 @@ def layers(short: Scenario) -> dict[str, Layer]:
 def test_every_run_of_an_overlay_is_read_back_bit_for_bit(layers: dict[str, Layer]) -> None:
     path = Path("a.mcap")
     write_overlay(path, layers)
-    before, read = path.read_bytes(), read_layers(path)
+    before, read = path.read_bytes(), Log.read(path).layers
     assert [*read] == [*layers]
     for label, layer in layers.items():
         assert_same(read[label].run, layer.run)
@@ -105,11 +105,11 @@ def test_an_overlay_combines_runs_of_several_logs(
         )
     assert main(["log", "overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
     assert "log layout overlay view.json --log both.mcap" in capsys.readouterr().out
-    read = read_layers("both.mcap")
+    read = Log.read("both.mcap").layers
     for name, layer in read.items():
         assert_same(layer.run, read_log(f"{name}.mcap")["mujoco"])
     assert main(["log", "overlay", "both.mcap", "lqr.mcap", "--plants", "analytic", "--label", "a,b,c"]) == 0
-    assert [layer.run.plant for layer in read_layers("logs/fixed-position/overlay.mcap").values()] == [
+    assert [layer.run.plant for layer in Log.read("logs/fixed-position/overlay.mcap").layers.values()] == [
         "mujoco",
         "mujoco",
         "analytic",
@@ -133,7 +133,7 @@ def test_a_contradictory_overlay_is_refused(layers: dict[str, Layer]) -> None:
         set_metadata(record, **values)(parts)
         Path("b.mcap").write_bytes(put_together(parts))
         with pytest.raises(LogError, match=re.escape(problem)):
-            read_layers("b.mcap")
+            Log.read("b.mcap")
     late = replace(layers["lqr"].run, time_ns=layers["lqr"].run.time_ns + 1)
     with pytest.raises(LogError, match=r"cannot write c\.mcap: late would contradict itself"):
         write_overlay(Path("c.mcap"), {"late": Layer(late, 4, {}), "pid": layers["pid"]})

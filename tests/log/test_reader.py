@@ -8,7 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import Channel, Message, Schema
 
-from cranectl.log.reader import describe_log, read_log, read_signal
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log, read_signal
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
@@ -90,7 +91,7 @@ def test_foreign_topics_are_ignored(log: Path, tmp_path: Path, runs: dict[str, R
     path.write_bytes(put_together(parts))
     for plant, run in read_log(path).items():
         assert_same(run, runs[plant])
-    assert "/notes" in {topic.topic for topic in describe_log(path).topics}
+    assert "/notes" in {topic.topic for topic in LogDescription.of(path).topics}
     with pytest.raises(InputError, match=r"unknown signal 'notes\.x'"):
         read_signal(path, "notes.x")
 

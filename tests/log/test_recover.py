@@ -16,7 +16,8 @@ from mcap.records import Channel, Message, Metadata, Schema
 from cranectl.cli.info import info_command
 from cranectl.cli.log import recover_log_command
 from cranectl.log import topics
-from cranectl.log.reader import describe_log, read_log
+from cranectl.log.description import LogDescription
+from cranectl.log.reader import read_log
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import CHUNK_SIZE, write_log
 from cranectl.mcap_columns.records import MAGIC
@@ -89,7 +90,7 @@ def test_a_log_cut_at_any_byte_is_recovered_to_its_last_complete_chunk(log: Path
             continue
         recovery = recover_log(part)
         runs = read_log(recovery.log)
-        describe_log(recovery.log)
+        LogDescription.of(recovery.log)
         for plant, run in runs.items():
             assert_beginning(run, whole[plant])
         assert recovery.messages == messages_before(log, sum(stop <= size for stop in chunks))
@@ -103,9 +104,9 @@ def test_a_recovered_old_log_has_current_topics(tmp_path: Path) -> None:
     sample, part = Path(__file__).parent / "samples" / "format-2.mcap", tmp_path / "a.mcap.1.part"
     part.write_bytes(sample.read_bytes()[:-8])
     recovery = recover_log(part)
-    before, after = ({t.topic for t in describe_log(log).topics} for log in (sample, recovery.log))
+    before, after = ({t.topic for t in LogDescription.of(log).topics} for log in (sample, recovery.log))
     assert "/mujoco/cable" in before - after
-    assert after - before == {f"/{plant}/{n}" for plant in PAIR for n in (topics.ROPE, topics.ARROW)}
+    assert after - before == {f"/{plant}/{n}" for plant in PAIR for n in ("rope", "disturbance_arrow")}
 
 
 def messages_before(log: Path, chunks: int) -> int:
@@ -149,7 +150,7 @@ def test_a_recovered_log_keeps_its_versions(log: Path, tmp_path: Path) -> None:
     parts.meta("versions").metadata["mujoco"] = "3.99"
     part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
     saved = recover_log(part).log
-    assert describe_log(saved).versions["mujoco"] == "3.99"
+    assert LogDescription.of(saved).versions["mujoco"] == "3.99"
     assert "mujoco 3.99" in messages_of(Path(saved), "/run/info")[0][1].versions
 
 
@@ -167,23 +168,41 @@ def test_recovery_needs_no_record_from_the_end_of_the_file(log: Path, tmp_path: 
     assert len(messages_of(Path(recovery.log), "/run/info")) == 1
 
 
-def test_recovery_keeps_foreign_topics_and_events(log: Path, tmp_path: Path) -> None:
+def test_recovery_keeps_events_and_leaves_other_topics_out(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     parts = take_apart(log)
-    end_ns = max(m.log_time for m in parts.chunks[1] if isinstance(m, Message))
     definition = topics.record_schema("Note", (("text", str),))
-    texts = [topics.encode(definition, "Note", {"text": text}) for text in ("early", "late")]
     line = LogMessage(message="kicked", name="live").encode()
     parts.chunks[0] += [
         Schema(900, definition, "protobuf", "cranectl.Note"),
         Channel(900, "/notes", "protobuf", {}, 900),
-        Message(900, 5, texts[0], 5, 0),
-        Message(900, end_ns + 1, texts[1], 0, 0),
+        Message(900, 5, topics.encode(definition, "Note", {"text": "early"}), 5, 0),
         Message(parts.channel("/log").id, 7, line, 7, 0),
     ]
     part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
-    saved = Path(recover_log(part).log)
-    assert [(time, note.text) for time, note in messages_of(saved, "/notes")] == [(5, "early")]
+    recover_log_command.main([str(part)], standalone_mode=False)
+    assert "1 topic is left out, of other tools or versions: /notes" in capsys.readouterr().out
+    saved = tmp_path / "a.mcap"
+    assert messages_of(saved, "/notes") == []
     assert (7, "kicked") in [(time, entry.message) for time, entry in messages_of(saved, "/log")]
+
+
+def test_recovery_of_a_live_session_keeps_its_start_and_its_events(tmp_path: Path) -> None:
+    """A segment begins where its session was; its text, status and pulses follow from no scenario."""
+    sample, part = Path(__file__).parent / "samples" / "format-2-live.mcap", tmp_path / "a.mcap.1.part"
+    part.write_bytes(sample.read_bytes()[:-8])
+    saved = Path(recover_log(part).log)
+    run, whole = (next(iter(read_log(path).values())) for path in (saved, sample))
+    assert_beginning(run, whole)
+    for topic in ("/log", f"/{run.plant}/status"):
+        told, before = (
+            [(time, str(message)) for time, message in messages_of(path, topic)] for path in (saved, sample)
+        )
+        assert [row for row in told if row in before] == before
+    with saved.open("rb") as stream:
+        first = next(make_reader(stream).iter_messages())[2].log_time
+    assert first == run.time_ns[0]
 
 
 def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:

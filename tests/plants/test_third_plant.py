@@ -14,7 +14,7 @@ import pytest
 import cranectl
 from cranectl.cli.main import main
 from cranectl.compare.agreement import against_reference
-from cranectl.log.overlay import read_layers
+from cranectl.log.overlay import Log
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.render.caption import readings
 from cranectl.render.timeline import timeline_of
@@ -202,7 +202,7 @@ def test_its_log_can_be_read_without_its_package(log: Path, tmp_path: Path) -> N
     assert "tons of bricks status" in layout
     assert Palette.VIEWER["series-5"] not in layout
     assert Palette.VIEWER["series-4"] in layout
-    assert [*read_layers(tmp_path / "both.mcap")] == ["light", "heavier"]
+    assert [*Log.read(tmp_path / "both.mcap").layers] == ["light", "heavier"]
     assert "heavy" in (tmp_path / "one.json").read_text()
     table = np.genfromtxt(tmp_path / "three.csv", delimiter=",", names=True)
     _, alpha = cranectl.read_signal(log, "heavy/state.alpha")

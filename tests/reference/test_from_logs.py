@@ -13,8 +13,9 @@ import pytest
 from cranectl.analysis.levels import replace_effects
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.cli.main import main
-from cranectl.log.export import export_table, exporters, write_table
-from cranectl.log.reader import describe_log, read_log
+from cranectl.log.description import LogDescription
+from cranectl.log.export import export_table, exporters
+from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.reference import build_trajectory
 from cranectl.scenario import Scenario
@@ -82,7 +83,7 @@ def test_the_log_contains_the_file_and_replays_to_the_bit(recorded: tuple[Path, 
     assert list(again.held_files.values()) == [content]
     second = write_log(tmp_path / "second.mcap", [simulate_run(again, plant="analytic")])
     assert second.read_bytes() == first.read_bytes()
-    (name,) = (name for name in describe_log(second).attachments if name.startswith("reference/"))
+    (name,) = (name for name in LogDescription.of(second).attachments if name.startswith("reference/"))
     assert name.endswith("-teach.csv")
 
 
@@ -163,7 +164,7 @@ def test_an_exported_table_needs_no_units(tmp_path: Path) -> None:
     write_csv(tmp_path / "teach.csv", motion())
     taken = scenario_of(tmp_path, SAMPLES)
     run = simulate_run(taken, plant="analytic", controller="lqr")
-    write_table(export_table({"analytic": run}), tmp_path / "run.parquet", exporters()["parquet"])
+    exporters()["parquet"].save(export_table({"analytic": run}), tmp_path / "run.parquet")
     columns = ", ".join(f"{axis} = 'reference.load_{axis}'" for axis in "xyz")
     again = scenario_of(tmp_path, f"kind = 'samples'\nfile = 'run.parquet'\ncolumns = {{{columns}}}")
     time = np.linspace(0.0, 8.0, 81)

@@ -21,7 +21,7 @@ from cranectl.cases.workers import available_cores
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log.messages import streams
 from cranectl.log.reader import read_log, read_signal
-from cranectl.log.writer import CHUNK_SIZE, _send_in_order, write_log
+from cranectl.log.writer import CHUNK_SIZE, Channels, write_log
 from cranectl.planning import load_scenario
 from cranectl.simulate import plan_scenario, simulate_run
 from validation.performance.call_overhead import measure_loaded_controllers
@@ -120,10 +120,10 @@ def compare_log_with_library(repeats: int) -> list[Measurement]:
 
 
 def _write_prebuilt(path: Path, prebuilt: list) -> None:
-    context = foxglove.Context()
+    channels = Channels()
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
-    with foxglove.open_mcap(path, allow_overwrite=True, context=context, writer_options=options):
-        _send_in_order(context, prebuilt)
+    with foxglove.open_mcap(path, allow_overwrite=True, context=channels.context, writer_options=options):
+        channels.send(prebuilt)
 
 
 def measure_commands(repeats: int) -> list[Measurement]:

@@ -1,4 +1,4 @@
-"""Convert the increments of a live session to the messages that a log of the whole run would have.
+"""Make the messages of runs that come in parts, those that a log of the whole runs would have.
 
 Only the verdict over the whole run, `/diff/verdict`, is missing. The messages at the start of a log are sent
 again for each start and each recording.
@@ -11,29 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.log import (
-    Conditions,
+from cranectl.log import scene
+from cranectl.log.events import (
     Disturbed,
     Event,
+    EventsOfParts,
     Phase,
     Saturated,
     StatusChange,
-    Stream,
-    condition_events,
-    design_info,
-    differences,
     disturbed,
-    end_event,
-    log_lines,
     phases,
-    run_info,
-    samples,
     saturation,
-    scenario_events,
-    scene,
-    start_event,
-    status,
 )
+from cranectl.log.messages import design_info, differences, log_lines, run_info, samples, status
+from cranectl.log.topics import Stream
 from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Drawing, Scenario
 from cranectl.simulate import Plan, Run
@@ -49,16 +40,25 @@ class _SentState:
     """The values already sent about one plant since its start, and its newest row."""
 
     trail: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    conditions: Conditions = field(default_factory=Conditions)
+    events: EventsOfParts = field(default_factory=EventsOfParts)
     status: NDArray[np.int64] = field(default_factory=lambda: NO_STATUS)  # as `_statuses` has it
     disturbance: Array = field(default_factory=lambda: NO_DISTURBANCE)
     newest: Run | None = None  # its newest row
     waiting: bool = False  # whether that row has not been sent
-    stopped: bool = False
 
 
-class Increments:
-    """Makes the messages of consecutive increments of the runs of one scenario."""
+class LiveMessages:
+    """Makes the messages of the runs of a live session, part by part.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What all plants run.
+    plan : Plan
+        Its reference.
+    plants : sequence of str
+        The plants.
+    """
 
     def __init__(self, scenario: Scenario, plan: Plan, plants: Sequence[str]) -> None:
         self._scenario, self._plan, self._period = scenario, plan, scenario.period_ns
@@ -102,22 +102,22 @@ class Increments:
         return [replace(stream, time_ns=np.full_like(stream.time_ns, now_ns)) for stream in streams]
 
     def messages(self, runs: Sequence[Run], origin_ns: int) -> list[Stream]:
-        """Return the messages of one increment of each plant; the scenario started at `origin_ns`."""
-        streams = [log_lines(event for run in runs for event in self._events(run, origin_ns))]
+        """Return the messages of the next part of each run; the scenario started at `origin_ns`."""
+        events, changes = list[Event](), list[Stream]()
         for run in runs:
-            streams += self._changes(run, origin_ns)
             shown = self._shown[run.plant]
-            shown.stopped = run.status.stopped
+            changes += self._changes(run, origin_ns)
+            events += shown.events.of(run, origin_ns)
             if len(run.time_ns):
                 shown.newest, shown.waiting = _select_rows(run, np.array([-1])), True
         logged = [_select_rows(run, self._rows(run, origin_ns, self._every)) for run in runs]
         logged = [run for run in logged if len(run.time_ns)]
         if not logged:
-            return streams
+            return [log_lines(events), *changes]
         for run in logged:
             newest = self._shown[run.plant].newest
             self._shown[run.plant].waiting = newest is None or newest.time_ns[0] != run.time_ns[-1]
-        return streams + self._samples(logged) + self._scene(logged, origin_ns)
+        return [log_lines(events), *changes, *self._samples(logged), *self._scene(logged, origin_ns)]
 
     def unsent_samples(self) -> list[Stream]:
         """Return the newest sample of each plant if it has not been sent, because a log ends with it."""
@@ -125,6 +125,10 @@ class Increments:
         for shown in waiting:
             shown.waiting = False
         return self._samples([shown.newest for shown in waiting if shown.newest is not None])
+
+    def said(self, time_ns: int, message: str, *, warning: bool) -> list[Stream]:
+        """Return a line of the session itself, which comes from no plant."""
+        return [log_lines([Event(time_ns, "live", message, warning)])]
 
     def _samples(self, runs: Sequence[Run]) -> list[Stream]:
         """Return signals, differences between plants, and those values of the reference that are new."""
@@ -144,26 +148,6 @@ class Increments:
             chosen[-1:] = True
         return np.flatnonzero(chosen)
 
-    def _events(self, run: Run, origin_ns: int) -> list[Event]:
-        """Return the events of this increment that are logged."""
-        shown = self._shown[run.plant]
-        events, before = [], origin_ns - 1
-        if shown.newest is not None:
-            before = int(shown.newest.time_ns[0])
-        elif len(run.time_ns):
-            events.append(start_event(run, origin_ns))
-        planned = [
-            replace(event, time_ns=event.time_ns + origin_ns)
-            for event in scenario_events(self._scenario, run.plant)
-        ]
-        last = run.time_ns[-1:].max(initial=before)
-        events += [event for event in planned if before < event.time_ns <= last]
-        observed, shown.conditions = condition_events(run, shown.conditions)
-        events += observed
-        if run.status.stopped and not shown.stopped:
-            events.append(end_event(run))
-        return events
-
     def _changes(self, run: Run, origin_ns: int) -> list[Stream]:
         """Return the messages about status and disturbances of a run, at the samples where they change."""
         shown = self._shown[run.plant]
@@ -176,7 +160,7 @@ class Increments:
         edges = _changed_rows(shown.disturbance, disturbance)
         shown.status = np.vstack([shown.status, statuses])[-1:]
         shown.disturbance = np.vstack([shown.disturbance, disturbance])[-1:]
-        if run.status.stopped and not shown.stopped:
+        if run.status.stopped and not shown.events.is_stopped:
             changes.append(self._status(run.end_ns, run.status, np.maximum(shown.status[0], 0)))
         streams = [status(run.plant, changes)] if changes else []
         if edges:
