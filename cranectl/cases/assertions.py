@@ -28,7 +28,7 @@ from cranectl.compare import (
     worst_first,
 )
 from cranectl.log import describe_log, read_log, write_log
-from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of, run_metrics
+from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -166,8 +166,8 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
         For unknown metrics, and if there is no limit at all.
     """
     faults = _unexpected_ends(runs)
-    stated = given_limits(limits, "assert_limits")
-    for plant, plant_limits in limits_of(runs.case.scenario, runs).items():
+    stated = Limits.from_table(limits, "assert_limits").given
+    for plant, plant_limits in Limits.by_plant(runs.case.scenario, runs).items():
         limits_to_keep = {**plant_limits, **stated}
         if not limits_to_keep:
             raise InputError(
@@ -175,9 +175,9 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
                 allowed="[limits] in the scenario, or arguments of assert_limits",
                 remedy="give limits, as in assert_limits(runs, max_error_m=0.05)",
             )
-        for verdict in judge_limits(run_metrics(runs[plant]), limits_to_keep):
+        for verdict in LimitVerdict.judge(run_metrics(runs[plant]), limits_to_keep):
             if not verdict.kept:
-                since = broken_since(runs[plant], verdict)
+                since = verdict.broken_since(runs[plant])
                 when = "" if since is None else f", from {since:g} s on"
                 faults.append(f"{plant} {verdict.fault}{when}")
     _raise_for(faults)

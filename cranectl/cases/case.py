@@ -18,7 +18,7 @@ from cranectl.compare import (
 )
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, check_writable, write_log
-from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
+from cranectl.metrics import Limits, LimitVerdict, RunMetrics, run_metrics
 from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
@@ -74,9 +74,9 @@ class RunSummary:
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
         """Summarise a run that is in `log`; raise InputError for impossible limits."""
-        metrics, stated = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
+        metrics, stated = run_metrics(run), Limits.by_plant(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
-        limits, beyond = judge_limits(metrics, stated), beyond_drives(run)
+        limits, beyond = LimitVerdict.judge(metrics, stated), beyond_drives(run)
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
 
     def to_json(self) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def make_case(
         examine(plant, scenario.rig)
     left_out = {} if requested else _lacking_effects(scenario, plants, drive)
     plants = tuple(plant for plant in plants if plant not in left_out)
-    limits_of(scenario, plants)
+    Limits.by_plant(scenario, plants)
     controller = controller or scenario.controller.name
     log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
     return Case(

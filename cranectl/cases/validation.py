@@ -10,7 +10,7 @@ from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_li
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare import Agreement
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.metrics import LimitVerdict, all_metrics
+from cranectl.metrics import LimitVerdict, Metric
 from cranectl.plants import PLANTS
 from cranectl.support import JUnitCase, Outcome, check_sum, difference_in, quantity, scaled
 
@@ -234,7 +234,7 @@ def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
 
 def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
     """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
-    metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
+    metric = Metric.named(limit.metric)
     factor, unit = scaled(metric.unit, max(abs(limit.value or 0.0), limit.limit))
     if metric.unit == "rad":
         factor, unit = math.degrees(1.0), "°"

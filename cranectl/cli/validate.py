@@ -245,14 +245,14 @@ def _loaded(
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases.case import Failure
-    from cranectl.metrics import limits_of
+    from cranectl.metrics import Limits
     from cranectl.plants import plants_for
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            limits_of(scenario, plants_for(scenario.rig, plants))
+            Limits.by_plant(scenario, plants_for(scenario.rig, plants))
             if usual and (own := scenario.controller.name) not in usual:
                 raise InputError(
                     f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",

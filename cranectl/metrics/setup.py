@@ -19,7 +19,7 @@ RESTS = 0.01  # share of a spline's largest speed, below which it counts as at r
 
 
 class MetricsSetup(NamedTuple):
-    """Constants of `accumulate`."""
+    """Constants of an accumulator."""
 
     rest_ns: float  # time from which the reference rests until its end
     direction: Array  # (3,) unit vector of its last motion; zero if it never moves
@@ -37,8 +37,8 @@ class MetricsSetup(NamedTuple):
 def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> MetricsSetup:
     """Return the setup of the metrics for runs of `scenario` with `drive`.
 
-    `flag_column` is the column of the first flag of saturation in the `commands` of `accumulate`. The default
-    is right for the record of the signal path. It has no effect for a scenario without a signal path.
+    `flag_column` is the column of the first flag of saturation in the `commands` of `Accumulator.add`. The
+    default is right for the record of the signal path. It has no effect for a scenario without a signal path.
     """
     rig = scenario.rig
     has_friction = not DRIVES[drive].is_prescribed

@@ -118,6 +118,16 @@ class Run:
         return self.block("state")[:, 6::2]
 
     @property
+    def workspace_excess(self) -> Array:
+        """How far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
+        positions = self.block("state" if self.has("state") else "axes")[:, :6:2]
+        low, high = self.scenario.rig.workspace.T
+        excess: Array = low - positions
+        for axis in range(3):  # runs may be long: no second array of this size
+            np.maximum(excess[:, axis], positions[:, axis] - high[axis], out=excess[:, axis])
+        return np.maximum(excess, 0.0, out=excess)
+
+    @property
     def groups(self) -> tuple[SignalGroup, ...]:
         """The recorded groups, in column order."""
         if self.own_groups is not None:

@@ -10,7 +10,7 @@ from PIL.Image import Image
 from cranectl.cases.case import RunSummary, judged_limits
 from cranectl.cases.drive_use import drive_uses
 from cranectl.compare import Agreement, ended_as_expected
-from cranectl.metrics import LimitVerdict, RunMetrics, all_metrics
+from cranectl.metrics import LimitVerdict, Metric, RunMetrics
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
@@ -156,7 +156,7 @@ def _broken_limits(limits: Sequence[LimitVerdict]) -> Iterator[str]:
     broken = [limit for limit in limits if not limit.kept]
     if broken:
         (value, limit), name = broken[0].texts, broken[0].metric
-        unit = next(metric.unit for metric in all_metrics() if metric.name == name)
+        unit = Metric.named(name).unit
         many = f"{len(broken)} of {_count(len(limits), 'limit')}" if len(limits) > 1 else "the limit is"
         yield f"{many} broken: {name} is {value or 'missing'} {unit}, its limit is {limit} {unit}"
 

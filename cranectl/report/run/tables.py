@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from cranectl.cases.case import CaseResult, RunSummary, judged_limits
 from cranectl.compare import Agreement
-from cranectl.metrics import Metric, RunMetrics, all_metrics
+from cranectl.metrics import Metric, RunMetrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.support import PROCESSOR_ROUNDING, difference_text, exact_seconds, scaled
 
@@ -52,7 +52,7 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     measured = [run.metrics for runs in logs.values() for run in runs]
     shown = [
         metric
-        for metric in sorted(all_metrics(), key=lambda metric: metric.row.place)
+        for metric in sorted(Metric.all(), key=lambda metric: metric.row.place)
         if metric.row.label
         and (metric.row.always or any(n is not None for run in measured for n in _numbers_of(metric, run)))
     ]
@@ -119,7 +119,7 @@ def limits_table(cases: Iterable[Sequence[RunSummary]], *, worst: int | None = N
     broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
     if worst is not None:
         shown = broken[:worst]
-    metrics = {metric.name: metric for metric in all_metrics()}
+    metrics = {metric.name: metric for metric in Metric.all()}
     several = len({(run.scenario, run.controller, run.drive) for run, _ in verdicts}) > 1
     rows = []
     for run, verdict in shown:
