@@ -125,7 +125,7 @@ def _print_overlay(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
-    from cranectl.cases.case import RunSummary
+    from cranectl.cases import RunSummary
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import what_differs
@@ -157,7 +157,7 @@ def _print_plants(
     description: "LogDescription", layers: Mapping[str, "Layer"], screen: Screen
 ) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
-    from cranectl.compare import against_reference, judge, worst_agreement
+    from cranectl.compare import Agreement, judge
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.plants import PhysicsStep
@@ -167,7 +167,7 @@ def _print_plants(
     runs = {name: layer.run for name, layer in layers.items()}
     run_list = list(runs.values())
     agreements = [
-        judge(*pair) for pair in against_reference([run for run in run_list if len(run.time_ns)], runs)
+        judge(*pair) for pair in Agreement.pairs([run for run in run_list if len(run.time_ns)], runs)
     ]
     software = provenance_differences(description.versions, provenance())
     scenario, design = run_list[0].scenario, f"{run_list[0].controller}, {run_list[0].drive} drives"
@@ -199,7 +199,7 @@ def _print_plants(
     return {
         **_asked(run_list[0]),
         "runs": [_outcome(run) for run in run_list],
-        "agreement": worst_agreement(agreements).to_json() if agreements else None,
+        "agreement": Agreement.worst(agreements).to_json() if agreements else None,
         "agreements": [agreement.to_json() for agreement in agreements],
         "software_differences": software,
     }

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.cases.validation import Validation
+from cranectl.cases import Validation
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.reference import HoldPath, build_trajectory
 from cranectl.report.page import Fact

@@ -93,6 +93,11 @@ class Run:
         return self.end_ns / NANOSECONDS
 
     @property
+    def ended_as_expected(self) -> bool:
+        """Whether the run ended as its scenario expects."""
+        return self.status.label == self.scenario.expected
+
+    @property
     def load_position(self) -> Array:
         """Position of the load in the world (x, y, z) [m], shape (N, 3); a view."""
         return self.block("load")[:, :3]

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.special import gammainc
 
-from cranectl.cases.case import run_case
 from cranectl.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
@@ -200,7 +199,7 @@ def test_random_commands_stay_inside_the_limits() -> None:
 def test_plants_agree_under_random_commands(k: int) -> None:
     seed = random_joystick.commit()
     scenario = next(itertools.islice(random_joystick.random_drives(seed, "fixed-position"), k, None))
-    (pair,) = run_case(random_joystick.case_of(scenario)).pairs
+    (pair,) = random_joystick.case_of(scenario).run().pairs
     assert pair.agreement.passed, (seed, k, pair.agreement)
     assert pair.agreement.limit_m == 1e-7
 

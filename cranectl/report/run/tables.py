@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import degrees, isnan
 from typing import TYPE_CHECKING
 
-from cranectl.cases.case import CaseResult, RunSummary, judged_limits
+from cranectl.cases import CaseResult, RunSummary
 from cranectl.compare import Agreement
 from cranectl.metrics import Metric, RunMetrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
@@ -115,7 +115,7 @@ def limits_table(cases: Iterable[Sequence[RunSummary]], *, worst: int | None = N
     A case has the runs of one scenario, controller and drive on its plants; `judged_limits` chooses among
     them. `worst` restricts the table to that many broken limits, the worst first.
     """
-    verdicts = shown = [pair for runs in cases for pair in judged_limits(runs)]
+    verdicts = shown = [pair for runs in cases for pair in RunSummary.judged_limits(runs)]
     broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
     if worst is not None:
         shown = broken[:worst]
