@@ -20,7 +20,7 @@ from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports,
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_plant
 from cranectl.controllers import only_flat
 from cranectl.plants import ideal_inertia
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.simulate import Run, limited, make_limits
@@ -87,7 +87,7 @@ def _rise(signal: Array, period: float, jumps: NDArray[np.intp]) -> Array:
 
 def _segment_starts(run: Run) -> NDArray[np.intp]:
     """Return the samples at which the reference's segments begin."""
-    joints = build_trajectory(run.scenario.reference).joints[1:]
+    joints = Trajectory.of(run.scenario.reference).joints[1:]
     return np.ceil(joints * NANOSECONDS / run.scenario.period_ns - 1e-6).astype(np.intp)
 
 
