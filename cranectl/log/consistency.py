@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.design import ControllerDesign, closed_loop_matrix
+from cranectl.design import ControllerDesign
 from cranectl.log import topics
 from cranectl.mcap_columns import DamageError
 from cranectl.plants import PLANTS
@@ -163,7 +163,7 @@ def check_design(design: ControllerDesign) -> None:
     if axis is None:
         return
     with np.errstate(all="ignore"):  # damaged numbers may overflow
-        loop = closed_loop_matrix(axis.gain, axis.robustifier)
+        loop = axis.closed_loop_matrix
         poles = np.linalg.eigvals(loop) if np.isfinite(loop).all() else np.full(len(loop), np.nan)
         expected = np.poly(poles)
         declared = np.atleast_1d(np.poly(axis.closed_loop_poles))  # without poles `np.poly` returns a number
