@@ -1,5 +1,5 @@
-from .cases.assertions import assert_agree as assert_agree
-from .cases.assertions import assert_limits as assert_limits
+from .cases import assert_agree as assert_agree
+from .cases import assert_limits as assert_limits
 from .compare import Agreement as Agreement
 from .compare import Comparison as Comparison
 from .compare import compare_runs as compare_runs

@@ -18,7 +18,7 @@ import pytest
 from cranectl.campaign.benchmark.tuned import tuned_facts
 from cranectl.campaign.load import load_campaign
 from cranectl.campaign.manifest import differences, manifest_of, software_of
-from cranectl.compare.runs import differing_fields
+from cranectl.compare import Differences
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
@@ -255,9 +255,9 @@ def test_a_recorded_motion_is_known_by_its_content(tmp_path: Path) -> None:
     same = [scenario("b", "path.csv", "0.7,0.7,-0.7"), scenario("a2", "renamed.csv", "0.7,0.7,-0.7")]
     other = scenario("c", "path.csv", "0.8,0.7,-0.7")
     for path in same:
-        assert differing_fields(run(first), run(path)) == ()
+        assert Differences.of(run(first), run(path)) == ()
         assert differences(campaign(first), campaign(path)) == []
-    assert any("sha256" in line for line in differing_fields(run(first), run(other)))
+    assert any("sha256" in line for line in Differences.of(run(first), run(other)))
     assert differences(campaign(first), campaign(other))
 
 

@@ -24,8 +24,8 @@ from cranectl import (
     Signal,
     Slots,
 )
+from cranectl.cases import Case
 from cranectl.cases.assertions import CaseRuns
-from cranectl.cases.case import make_case
 
 ODD: dict[str, Any] = {
     "None": None, "nan": float("nan"), "inf": float("inf"), "huge": 10**400, "less": -1, "zero": 0,
@@ -57,7 +57,7 @@ def run() -> Run:
 
 @functools.cache
 def runs() -> CaseRuns:
-    return CaseRuns(make_case(scenario(), controller="lqr", plants=("analytic", "mujoco")))
+    return CaseRuns(Case.of(scenario(), controller="lqr", plants=("analytic", "mujoco")))
 
 
 @functools.cache

@@ -15,7 +15,7 @@ from cranectl.controllers import regularity
 from cranectl.design import Design
 from cranectl.model import angular_accelerations, flat_output, linearising_input
 from cranectl.plants import AnalyticPlant, observe_load, passive_accelerations
-from cranectl.reference import Trajectory, build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, EffectSettings, Scenario
 from cranectl.signals import (
     ACCELERATION,
@@ -183,7 +183,7 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     )
     record = np.zeros((len(plan.time_ns), record_width(design)))
     begins = period * np.arange(parts) / parts
-    states = _sampled_states((loop, rig, state), build_trajectory(scenario.reference), plan, begins)
+    states = _sampled_states((loop, rig, state), Trajectory.of(scenario.reference), plan, begins)
     rows, status = record_rows(loop, rig, states, plan.reference, plan.disturbance, plan.wind, record)
     return Run(
         scenario=ideal,

@@ -33,7 +33,7 @@ from cranectl.campaign.summary import (
     parameter_values,
     summarize,
 )
-from cranectl.metrics import low_is_bad
+from cranectl.metrics import Metric
 from cranectl.plants import PLANTS
 from cranectl.support import Array, Tree
 
@@ -136,7 +136,7 @@ def _difference(first: Group, second: Group, metric: str) -> Difference:
     difference = second.metrics[metric] - first.metrics[metric]
     difference = difference[~np.isnan(difference)]
     larger, smaller = int((difference > 0.0).sum()), int((difference < 0.0).sum())
-    better, worse = (larger, smaller) if low_is_bad(metric) else (smaller, larger)
+    better, worse = (larger, smaller) if Metric.low_is_bad(metric) else (smaller, larger)
     return Difference(
         metric=metric,
         samples=difference.size,

@@ -17,7 +17,7 @@ from cranectl.campaign.manifest import changes_of_software
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
-from cranectl.metrics import all_metrics, low_is_bad, within
+from cranectl.metrics import Metric
 from cranectl.status import RunStatus
 from cranectl.support import Array, InconsistentError, Mask
 
@@ -27,7 +27,7 @@ Columns = Callable[[str], Any]  # returns the values (runs,) of a column by its 
 QUANTILE_ROUNDING = 1e-12  # relative error of an interpolation between equal values
 CONFIDENCE = 0.95  # level of all intervals and tests
 MEASURE = "max_error_m"  # the metric that orders runs
-MAIN_METRICS = tuple(metric.name for metric in all_metrics() if metric.compared)
+MAIN_METRICS = tuple(metric.name for metric in Metric.all() if metric.compared)
 EFFORTS = tuple(name for name in METRIC_COLUMNS if name.startswith("rms_acceleration_m_s2"))
 EFFORT = "effort_m_s2"  # RMS of the commanded accelerations of all drives together
 
@@ -84,7 +84,7 @@ def summarize(results: Results) -> tuple[GroupSummary, ...]:
 def broken_limits(column: Columns, limits: Mapping[str, float]) -> dict[str, Mask]:
     """Return for each limited metric which runs broke its limit; a run without the metric breaks it."""
     values = {metric: np.asarray(column(metric), dtype=np.float64) for metric in limits}
-    return {metric: ~within(metric, values[metric], limit) for metric, limit in limits.items()}
+    return {metric: ~Metric.is_within(metric, values[metric], limit) for metric, limit in limits.items()}
 
 
 def failed(column: Columns, limits: Mapping[str, float]) -> Mask:
@@ -102,7 +102,7 @@ def worst_first(results: Results, metric: str, among: Rows | None = None) -> Row
     """
     rows = np.arange(len(results)) if among is None else among
     values = results.column(metric)[rows]
-    order = np.argsort(values if low_is_bad(metric) else -values, kind="stable")
+    order = np.argsort(values if Metric.low_is_bad(metric) else -values, kind="stable")
     worst: Rows = rows[order[~np.isnan(values[order])]]
     return worst
 

@@ -23,7 +23,7 @@ from typing import Any, Literal, NamedTuple
 
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import SoftwareOrigin
-from cranectl.metrics import RunMetrics, all_metrics
+from cranectl.metrics import Metric, RunMetrics
 from cranectl.support import File, Interruption, Provenance
 
 Value = int | float | str | None
@@ -50,7 +50,7 @@ RUN_COLUMNS = (
     ResultColumn("reason", "string", False, "", "why it did not complete; empty if it did"),
     ResultColumn("end_s", "float64", False, "s", "simulated time at which the run ended"),
 )
-_RECORDED = [metric for metric in all_metrics() if metric.recorded]
+_RECORDED = [metric for metric in Metric.all() if metric.recorded]
 METRIC_COLUMNS = {
     name: ResultColumn(name, "float64", True, metric.unit, ", ".join(filter(None, (metric.meaning, part))))
     for metric in _RECORDED

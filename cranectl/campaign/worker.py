@@ -12,7 +12,7 @@ from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
 from cranectl.controllers import ALL_CONTROLLERS, CompiledController
 from cranectl.design import ControllerDesign
-from cranectl.metrics import RunMetrics, accumulate, empty_accumulator, finish, metrics_setup
+from cranectl.metrics import Accumulator, RunMetrics
 from cranectl.plants import PhysicsStep, Plant, check_scenario
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import COLUMN
@@ -163,13 +163,13 @@ class Worker:
             nominal=controller.nominal,
             records=(self._records.setdefault(width, np.zeros((BLOCK, width))), self._path_record),
         )
-        setup, accumulator = metrics_setup(scenario, plant.drive), empty_accumulator()
+        accumulator = Accumulator(scenario, plant.drive)
         while not (is_asked_to_stop := stop()) and not loop.is_finished:
-            accumulate(setup, accumulator, loop.advance(BLOCK))
+            accumulator.add(*loop.advance(BLOCK))
         if is_asked_to_stop:
             raise StoppedError
         status, end_ns = loop.status, loop.end_ns
-        metrics = finish(setup, accumulator, status, end_ns)
+        metrics = accumulator.finish(status, end_ns)
         reason = status.explanation if status.stopped else ""
         return RunEnd(status.label, reason, end_ns / NANOSECONDS, metrics)
 

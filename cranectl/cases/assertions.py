@@ -1,4 +1,4 @@
-"""Assertions for tests of closed loops, and regressions of a log against a golden log.
+"""Assertions for tests of closed loops: plants agree, limits are kept, runs equal golden ones.
 
 A failed assertion names signal, time, size and limit.
 """
@@ -7,28 +7,12 @@ import functools
 from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple, ParamSpec
+from typing import ParamSpec
 
-from cranectl.cases.case import Case, prepare_case, simulate_case
-from cranectl.compare import (
-    AgreementLimits,
-    NoLimits,
-    RegressionVerdict,
-    Tolerances,
-    against_reference,
-    compare_runs,
-    differing_fields,
-    ended_as_expected,
-    first_differences,
-    judge,
-    judge_regression,
-    judge_steps,
-    limits_for,
-    load_tolerances,
-    worst_first,
-)
+from cranectl.cases.case import Case
+from cranectl.compare import Agreement, AgreementLimits, Differences, Tolerances, compare_runs, judge
 from cranectl.log import LogDescription, read_log, write_log
-from cranectl.metrics import broken_since, given_limits, judge_limits, limits_of, run_metrics
+from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
@@ -40,12 +24,26 @@ GOLDEN_SAMPLES = 50  # at least; once deterministic runs differ, they stay diffe
 P = ParamSpec("P")
 
 
+def without_traceback(function: Callable[P, None]) -> Callable[P, None]:
+    """Make assertions and input errors of `function` point at the line that calls it."""
+
+    @functools.wraps(function)
+    def asserting(*args: P.args, **kwargs: P.kwargs) -> None:
+        __tracebackhide__ = True
+        try:
+            function(*args, **kwargs)
+        except (AssertionError, InputError) as error:
+            raise error.with_traceback(None) from None
+
+    return asserting
+
+
 class CaseRuns(dict[str, Run]):
     """The runs of a case, by plant."""
 
     def __init__(self, case: Case) -> None:
         """Simulate the runs; raise InputError for wrong input, and KeyboardInterrupt if interrupted."""
-        super().__init__({run.plant: run for run in simulate_case(case, prepare_case(case))})
+        super().__init__({run.plant: run for run in case.simulate(case.prepare())})
         if any(run.status == RunStatus.INTERRUPTED for run in self.values()):
             raise KeyboardInterrupt
         self.case = case
@@ -64,19 +62,50 @@ class CaseRuns(dict[str, Run]):
         samples = round(scenario.duration * NANOSECONDS / scenario.period_ns)
         return write_log(path, list(self.values()), every=max(samples // GOLDEN_SAMPLES, 1))
 
+    @without_traceback
+    def assert_regression(self, golden_log: Path, tolerances: str) -> None:
+        """Assert that these new runs agree with those of a golden log.
 
-def without_traceback(function: Callable[P, None]) -> Callable[P, None]:
-    """Make assertions and input errors of `function` point at the line that calls it."""
+        Parameters
+        ----------
+        golden_log : Path
+            Log of the golden runs.
+        tolerances : str
+            Name of shipped tolerances, or a TOML file.
 
-    @functools.wraps(function)
-    def asserting(*args: P.args, **kwargs: P.kwargs) -> None:
-        __tracebackhide__ = True
-        try:
-            function(*args, **kwargs)
-        except (AssertionError, InputError) as error:
-            raise error.with_traceback(None) from None
-
-    return asserting
+        Raises
+        ------
+        AssertionError
+            If a run differs by more than the tolerances.
+        InputError
+            For tolerances that cannot be read, and runs that cannot be compared.
+        LogError
+            For a log that cannot be read.
+        """
+        golden, limits = read_log(golden_log), Tolerances.load(tolerances)
+        faults = [f"only golden or only new: {plant}" for plant in sorted(golden.keys() ^ self.keys())]
+        differing: list[str] = []
+        for plant in [plant for plant in self if plant in golden]:
+            new, old = self[plant], golden[plant]
+            verdict = limits.judge(new, old)
+            if not (verdict.same_status and verdict.ends_passed):
+                ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
+                faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
+            failed = [signal for signal in verdict.worst_first if not signal.passed]
+            faults += [
+                f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
+                for s in failed[:MAX_SHOWN_SIGNALS]
+            ]
+            if len(failed) > MAX_SHOWN_SIGNALS:
+                faults.append(f"and in {len(failed) - MAX_SHOWN_SIGNALS} more signals")
+            settings = Differences.of(old, new).first
+            differing = [f"golden and new differ in {setting}" for setting in settings]
+        if faults:
+            made_by = LogDescription.of(golden_log).versions
+            versions = Provenance.differences(made_by, Provenance.now(), word="new")
+            software = [f"golden was made by other software: {version}" for version in versions]
+            where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
+            _raise_for([*differing, *faults], [*software, where])
 
 
 @without_traceback
@@ -98,20 +127,20 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
     InputError
         For a single plant, and where no limits are known.
     """
-    pairs = against_reference(list(runs.values()))
+    pairs = Agreement.pairs(list(runs.values()))
     if not pairs:
         raise InputError(
             f"a run of {', '.join(runs)} only", allowed="two plants or more", remedy="name more in 'plants'"
         )
     is_limited = load_m is not None or angle_rad is not None
     case = runs.case
-    standard_limits = {} if is_limited else limits_for(case.scenario, case.drive, case.plants)
+    standard_limits = {} if is_limited else AgreementLimits.between(case.scenario, case.drive, case.plants)
     faults, hints = _unexpected_ends(runs), []
     for a, b in pairs:
         comparison = compare_runs(a, b, signals=("state.alpha", "state.beta"))
         limits = standard_limits.get((a.plant, b.plant)) or _stated_limits(runs, load_m, angle_rad)
         agreement = judge(a, b, limits=limits, comparison=comparison)
-        if isinstance(limits, NoLimits):
+        if not isinstance(limits, AgreementLimits):
             raise InputError(
                 f"no limits of agreement are known for this case: {limits.reason}",
                 allowed="scenarios, controllers and drives with known limits, or limits of your own",
@@ -134,7 +163,7 @@ def assert_agree(runs: CaseRuns, *, load_m: float | None = None, angle_rad: floa
         if abs(a.end_ns - b.end_ns) > limits.end_s * NANOSECONDS:
             faults.append(f"{a.plant} ends at {a.end_s:g} s, {b.plant} at {b.end_s:g} s")
         if not agreement.passed and not is_limited:
-            step = judge_steps((a, b), limits).curing_step_s
+            step = Agreement.judge_steps((a, b), limits).curing_step_s
             if step is not None:
                 hints.append(f"they agree with control.physics_step = {Quantity(step).setting()}")
     _raise_for(faults, hints)
@@ -160,8 +189,8 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
         For unknown metrics, and if there is no limit at all.
     """
     faults = _unexpected_ends(runs)
-    stated = given_limits(limits, "assert_limits")
-    for plant, plant_limits in limits_of(runs.case.scenario, runs).items():
+    stated = Limits.from_table(limits, "assert_limits").given
+    for plant, plant_limits in Limits.by_plant(runs.case.scenario, runs).items():
         limits_to_keep = {**plant_limits, **stated}
         if not limits_to_keep:
             raise InputError(
@@ -169,60 +198,12 @@ def assert_limits(runs: CaseRuns, **limits: float) -> None:
                 allowed="[limits] in the scenario, or arguments of assert_limits",
                 remedy="give limits, as in assert_limits(runs, max_error_m=0.05)",
             )
-        for verdict in judge_limits(run_metrics(runs[plant]), limits_to_keep):
+        for verdict in LimitVerdict.judge(run_metrics(runs[plant]), limits_to_keep):
             if not verdict.kept:
-                since = broken_since(runs[plant], verdict)
+                since = verdict.broken_since(runs[plant])
                 when = "" if since is None else f", from {since:g} s on"
                 faults.append(f"{plant} {verdict.fault}{when}")
     _raise_for(faults)
-
-
-@without_traceback
-def assert_regression(runs: CaseRuns, golden_log: Path, tolerances: str) -> None:
-    """Assert that the runs agree with those of a golden log.
-
-    Parameters
-    ----------
-    runs : CaseRuns
-        New runs.
-    golden_log : Path
-        Log of the golden runs.
-    tolerances : str
-        Name of shipped tolerances, or a TOML file.
-
-    Raises
-    ------
-    AssertionError
-        If a run differs by more than the tolerances.
-    InputError
-        For tolerances that cannot be read, and runs that cannot be compared.
-    LogError
-        For a log that cannot be read.
-    """
-    golden, limits = read_log(golden_log), load_tolerances(tolerances)
-    faults = [f"only golden or only new: {plant}" for plant in sorted(golden.keys() ^ runs.keys())]
-    differing: list[str] = []
-    for plant in [plant for plant in runs if plant in golden]:
-        new, old = runs[plant], golden[plant]
-        verdict = judge_regression(new, old, limits)
-        if not (verdict.same_status and verdict.ends_passed):
-            ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
-            faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
-        failed = worst_first(s for s in verdict.signals if not s.passed)
-        faults += [
-            f"{plant} differs from golden in {_difference(s.signal, s.unit, s.max_abs, s.at_s, s.limit)}"
-            for s in failed[:MAX_SHOWN_SIGNALS]
-        ]
-        if len(failed) > MAX_SHOWN_SIGNALS:
-            faults.append(f"and in {len(failed) - MAX_SHOWN_SIGNALS} more signals")
-        settings = first_differences(differing_fields(old, new))
-        differing = [f"golden and new differ in {setting}" for setting in settings]
-    if faults:
-        made_by = LogDescription.of(golden_log).versions
-        versions = Provenance.differences(made_by, Provenance.now(), word="new")
-        software = [f"golden was made by other software: {version}" for version in versions]
-        where = f"golden: {golden_log}; if the new run is right, pytest --cranectl-update keeps it"
-        _raise_for([*differing, *faults], [*software, where])
 
 
 def _stated_limits(runs: CaseRuns, load_m: float | None, angle_rad: float | None) -> AgreementLimits:
@@ -240,7 +221,7 @@ def _unexpected_ends(runs: CaseRuns) -> list[str]:
     return [
         f"{run.plant} ends with {run.status.label} at {run.end_s:g} s, expected {run.scenario.expected}"
         for run in runs.values()
-        if not ended_as_expected(run)
+        if not run.ended_as_expected
     ]
 
 
@@ -252,59 +233,3 @@ def _raise_for(faults: Sequence[str], hints: Sequence[str] = ()) -> None:
     """Raise AssertionError if there are faults."""
     if faults:
         raise AssertionError("\n".join([*faults, *hints]))
-
-
-class Regression(NamedTuple):
-    """Result of judging a log against a golden log."""
-
-    verdicts: list[RegressionVerdict]
-    missing: tuple[str, ...]  # plants that only the golden log has
-    added: tuple[str, ...]  # plants that only the new log has
-    differing_fields: list[str]
-    software_differences: list[str]
-
-    @property
-    def passed(self) -> bool:
-        """Whether every plant of the golden log is there and keeps its tolerances."""
-        return not self.missing and all(verdict.passed for verdict in self.verdicts)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the result as plain data."""
-        return {
-            "passed": self.passed,
-            "missing": self.missing,
-            "differing_fields": self.differing_fields,
-            "software_differences": self.software_differences,
-            "verdicts": [verdict.to_json() for verdict in self.verdicts],
-        }
-
-
-def regression_of(new_log: Path, golden_log: Path, tolerances: Tolerances) -> Regression:
-    """Judge `new_log` against `golden_log`; raise InputError for logs without a common plant, or LogError."""
-    new, golden = read_log(new_log), read_log(golden_log)
-    shared = [plant for plant in new if plant in golden]
-    if not shared:
-        raise nothing_shared()
-    return Regression(
-        verdicts=[judge_regression(new[plant], golden[plant], tolerances) for plant in shared],
-        missing=tuple(sorted(golden.keys() - new.keys())),
-        added=tuple(sorted(new.keys() - golden.keys())),
-        differing_fields=list(differing_fields(golden[shared[0]], new[shared[0]])),
-        software_differences=software_differences(golden_log, new_log),
-    )
-
-
-def software_differences(log: Path, other: Path) -> list[str]:
-    """Return differences of software that may explain different numbers in two logs."""
-    return Provenance.differences(
-        LogDescription.of(log).versions, LogDescription.of(other).versions, word="other"
-    )
-
-
-def nothing_shared() -> InputError:
-    """Return the error for two logs without a common plant."""
-    return InputError(
-        "the logs share no plant",
-        allowed="logs of the same plant",
-        remedy="run one of them again, with a plant of the other",
-    )

@@ -1,54 +1,24 @@
 """A case: one scenario, controller and drive on several plants, simulated, logged and judged."""
 
+import itertools
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from cranectl.cases.drive_use import beyond_drives
-from cranectl.compare import (
-    Agreement,
-    against_reference,
-    all_pairs,
-    compare_runs,
-    judge,
-    judge_steps,
-    limits_for,
-)
+from cranectl.compare import Agreement, AgreementLimits, compare_runs, judge
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, write_log
-from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
+from cranectl.metrics import Limits, LimitVerdict, RunMetrics, run_metrics
 from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import FileKind, InputError, MachineError
 
-LOG_DIRECTORY = Path("logs")
-
 Keep = Literal["all", "failed", "none"]
-
-
-@dataclass(frozen=True)
-class Case:
-    """A case to run, and its log."""
-
-    scenario: Scenario
-    controller: str
-    drive: Drive
-    plants: tuple[str, ...]
-    log: Path
-    source: str  # name or file of the scenario, as requested
-    keep: Keep = "all"  # logs to keep
-    pairwise: bool = False  # whether every plant is compared with every other
-    timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
-    left_out: tuple[str, ...] = ()  # default plants that lack an effect, each with the reason
-
-    @property
-    def simulated_seconds(self) -> float:
-        """Simulated time of all runs [s]."""
-        return self.scenario.duration * len(self.plants)
 
 
 @dataclass(frozen=True)
@@ -74,10 +44,27 @@ class RunSummary:
     @classmethod
     def of(cls, run: Run, log: Path | None) -> "RunSummary":
         """Summarise a run that is in `log`; raise InputError for impossible limits."""
-        metrics, stated = run_metrics(run), limits_of(run.scenario, [run.plant])[run.plant]
+        metrics, stated = run_metrics(run), Limits.by_plant(run.scenario, [run.plant])[run.plant]
         names = run.scenario.name, run.design.name, run.plant, run.drive
-        limits, beyond = judge_limits(metrics, stated), beyond_drives(run)
+        limits, beyond = LimitVerdict.judge(metrics, stated), beyond_drives(run)
         return cls(*names, run.status, run.end_s, log, metrics, limits, beyond)
+
+    @staticmethod
+    def judged_limits(runs: "Sequence[RunSummary]") -> "list[tuple[RunSummary, LimitVerdict]]":
+        """Return each limit of a case once, with the run that it is judged on.
+
+        That is the run on the reference plant, or another one that alone breaks the limit or has it.
+        """
+        if not runs:
+            return []
+        reference = PLANTS.reference(run.plant for run in runs)
+        judged: dict[str, tuple[RunSummary, LimitVerdict]] = {}
+        for run in sorted(runs, key=lambda run: run.plant != reference):
+            for limit in run.limits:
+                known = judged.get(limit.metric)
+                if known is None or (known[1].kept and not limit.kept):
+                    judged[limit.metric] = (run, limit)
+        return list(judged.values())
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary as plain data."""
@@ -88,23 +75,6 @@ class RunSummary:
             "metrics": self.metrics.to_json() if self.metrics is not None else None,
             "limits": [verdict.to_json() for verdict in self.limits],
         }
-
-
-def judged_limits(runs: Sequence[RunSummary]) -> list[tuple[RunSummary, LimitVerdict]]:
-    """Return each limit of a case once, with the run that it is judged on.
-
-    That is the run on the reference plant, or another one that alone breaks the limit or has it.
-    """
-    if not runs:
-        return []
-    reference = PLANTS.reference(run.plant for run in runs)
-    judged: dict[str, tuple[RunSummary, LimitVerdict]] = {}
-    for run in sorted(runs, key=lambda run: run.plant != reference):
-        for limit in run.limits:
-            known = judged.get(limit.metric)
-            if known is None or (known[1].kept and not limit.kept):
-                judged[limit.metric] = (run, limit)
-    return list(judged.values())
 
 
 @dataclass(frozen=True)
@@ -180,44 +150,146 @@ class Failure:
         return cls(text, bad_input=False, trace="".join(traceback.format_exception(error)))
 
 
-def make_case(
-    scenario: Scenario,
-    *,
-    controller: str | None = None,
-    drive: Drive = "ideal",
-    plants: Iterable[str] = (),
-    log: Path | None = None,
-    source: str | None = None,
-    keep: Keep = "all",
-    pairwise: bool = False,
-    timeout: float = BLOCK_TIMEOUT,
-) -> Case:
-    """Make a case, by default with the scenario's controller, plants and log.
+@dataclass(frozen=True)
+class Case:
+    """A case to run, and its log."""
 
-    A default plant that lacks an effect is left out if others remain; one that is named is refused when it
-    runs. Raises InputError for plants that cannot run and for impossible limits.
-    """
-    requested = tuple(plants)
-    plants = plants_for(scenario.rig, requested)
-    for plant in plants:
-        examine(plant, scenario.rig)
-    left_out = {} if requested else _lacking_effects(scenario, plants, drive)
-    plants = tuple(plant for plant in plants if plant not in left_out)
-    limits_of(scenario, plants)
-    controller = controller or scenario.controller.name
-    log = log or default_log(LOG_DIRECTORY, scenario, controller, drive)
-    return Case(
-        scenario=scenario,
-        controller=controller,
-        drive=drive,
-        plants=plants,
-        log=log,
-        source=source or scenario.name,
-        keep=keep,
-        pairwise=pairwise,
-        timeout=timeout,
-        left_out=tuple(left_out.values()),
-    )
+    LOG_DIRECTORY: ClassVar = Path("logs")
+
+    scenario: Scenario
+    controller: str
+    drive: Drive
+    plants: tuple[str, ...]
+    log: Path
+    source: str  # name or file of the scenario, as requested
+    keep: Keep = "all"  # logs to keep
+    pairwise: bool = False  # whether every plant is compared with every other
+    timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
+    left_out: tuple[str, ...] = ()  # default plants that lack an effect, each with the reason
+
+    @property
+    def simulated_seconds(self) -> float:
+        """Simulated time of all runs [s]."""
+        return self.scenario.duration * len(self.plants)
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        *,
+        controller: str | None = None,
+        drive: Drive = "ideal",
+        plants: Iterable[str] = (),
+        log: Path | None = None,
+        source: str | None = None,
+        keep: Keep = "all",
+        pairwise: bool = False,
+        timeout: float = BLOCK_TIMEOUT,
+    ) -> "Case":
+        """Make a case, by default with the scenario's controller, plants and log.
+
+        A default plant that lacks an effect is left out if others remain; one that is named is refused when
+        it runs. Raises InputError for plants that cannot run and for impossible limits.
+        """
+        requested = tuple(plants)
+        plants = plants_for(scenario.rig, requested)
+        for plant in plants:
+            examine(plant, scenario.rig)
+        left_out = {} if requested else _lacking_effects(scenario, plants, drive)
+        plants = tuple(plant for plant in plants if plant not in left_out)
+        Limits.by_plant(scenario, plants)
+        controller = controller or scenario.controller.name
+        log = log or cls.log_in(cls.LOG_DIRECTORY, scenario, controller, drive)
+        return cls(
+            scenario=scenario,
+            controller=controller,
+            drive=drive,
+            plants=plants,
+            log=log,
+            source=source or scenario.name,
+            keep=keep,
+            pairwise=pairwise,
+            timeout=timeout,
+            left_out=tuple(left_out.values()),
+        )
+
+    @staticmethod
+    def log_in(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
+        """Return `DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
+        return directory / scenario.name / f"{controller}-{drive}.mcap"
+
+    @staticmethod
+    def check_logs_differ(cases: "Sequence[Case]") -> None:
+        """Raise InputError if two cases share a log, since the later case would overwrite it."""
+        by_log: dict[Path, Case] = {}
+        for case in cases:
+            other = by_log.setdefault(case.log.resolve(), case)
+            if other is not case:
+                raise InputError(
+                    f"{other.source} and {case.source} would share the log {case.log}",
+                    allowed="scenarios of different names, each of them once",
+                    remedy="change the 'name' in one of the files, or run them one by one with other --out",
+                )
+
+    def prepare(self) -> dict[str, Any]:
+        """Return the arguments of `simulate_run` that all runs share; raise InputError."""
+        design = ALL_CONTROLLERS.design(self.controller, self.scenario)
+        check_runs(self.scenario, design, self.drive, len(self.plants))
+        plan = plan_scenario(self.scenario)
+        return {
+            "drive": self.drive,
+            "design": design,
+            "plan": plan,
+            "compiled_controller": prepare_controller(self.scenario, design, self.drive, plan),
+            "timeout": self.timeout,
+        }
+
+    def simulate(
+        self, shared: dict[str, Any], *, progress: Callable[[float], None] | None = None
+    ) -> list[Run]:
+        """Return a run on each plant with arguments from `prepare`; an interrupted run is the last."""
+        runs: list[Run] = []
+        for plant in self.plants:
+            runs.append(simulate_run(self.scenario, plant=plant, progress=progress, **shared))
+            if runs[-1].status == RunStatus.INTERRUPTED:
+                break
+        return runs
+
+    def run(self, *, progress: Callable[[float], None] | None = None) -> "CaseResult":
+        """Simulate, log and judge the runs.
+
+        `progress` is called with simulated seconds. Raises InputError for wrong input, before any simulation.
+        An interrupted run is logged and ends the case.
+        """
+        shared = self.prepare()
+        if self.keep != "none":
+            FileKind.MCAP.check_place(self.log, option="--out")
+            check_recordable(self.scenario, shared["design"], self.drive)
+        limits = AgreementLimits.between(self.scenario, self.drive, self.plants)
+        runs = self.simulate(shared, progress=progress)
+        log = None if self.keep == "none" else self.log
+        if log is not None:
+            write_log(log, runs, limits=limits)
+        pairs = Agreement.pairs([run for run in runs if len(run.time_ns)], self.plants)
+        result = CaseResult(
+            runs=tuple(RunSummary.of(run, log) for run in runs),
+            agreements=tuple(
+                Agreement.judge_steps(pair, limits[pair[0].plant, pair[1].plant], progress) for pair in pairs
+            ),
+            expected=self.scenario.expected,
+            pairs=_pair_differences(runs) if self.pairwise else (),
+        )
+        if self.keep == "failed" and result.passed:
+            self.log.unlink()
+            return replace(result, runs=tuple(replace(run, log=None) for run in result.runs))
+        return result
+
+    def try_run(self, *, progress: Callable[[float], None] | None = None) -> "CaseResult | Failure":
+        """Run as `run` does, but return errors as failures, so that other cases can go on."""
+        try:
+            return MachineError.retry(lambda: self.run(progress=progress))
+        except Exception as error:
+            return Failure.of(error)
 
 
 def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) -> dict[str, str]:
@@ -232,90 +304,13 @@ def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) ->
     return lines if len(lines) < len(plants) else {}
 
 
-def default_log(directory: Path, scenario: Scenario, controller: str, drive: str) -> Path:
-    """Return `DIRECTORY/SCENARIO/CONTROLLER-DRIVE.mcap`."""
-    return directory / scenario.name / f"{controller}-{drive}.mcap"
-
-
-def check_logs_differ(cases: Sequence[Case]) -> None:
-    """Raise InputError if two cases share a log, since the later case would overwrite it."""
-    by_log: dict[Path, Case] = {}
-    for case in cases:
-        other = by_log.setdefault(case.log.resolve(), case)
-        if other is not case:
-            raise InputError(
-                f"{other.source} and {case.source} would share the log {case.log}",
-                allowed="scenarios of different names, each of them once",
-                remedy="change the 'name' in one of the files, or run them one by one with other --out",
-            )
-
-
-def prepare_case(case: Case) -> dict[str, Any]:
-    """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
-    design = ALL_CONTROLLERS.design(case.controller, case.scenario)
-    check_runs(case.scenario, design, case.drive, len(case.plants))
-    plan = plan_scenario(case.scenario)
-    return {
-        "drive": case.drive,
-        "design": design,
-        "plan": plan,
-        "compiled_controller": prepare_controller(case.scenario, design, case.drive, plan),
-        "timeout": case.timeout,
-    }
-
-
-def simulate_case(
-    case: Case, shared: dict[str, Any], *, progress: Callable[[float], None] | None = None
-) -> list[Run]:
-    """Return a run on each plant with arguments from `prepare_case`; an interrupted run is the last."""
-    runs: list[Run] = []
-    for plant in case.plants:
-        runs.append(simulate_run(case.scenario, plant=plant, progress=progress, **shared))
-        if runs[-1].status == RunStatus.INTERRUPTED:
-            break
-    return runs
-
-
-def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult:
-    """Simulate, log and judge a case.
-
-    `progress` is called with simulated seconds. Raises InputError for wrong input, before any simulation. An
-    interrupted run is logged and ends the case.
-    """
-    shared = prepare_case(case)
-    if case.keep != "none":
-        FileKind.MCAP.check_place(case.log, option="--out")
-        check_recordable(case.scenario, shared["design"], case.drive)
-    limits = limits_for(case.scenario, case.drive, case.plants)
-    runs = simulate_case(case, shared, progress=progress)
-    log = None if case.keep == "none" else case.log
-    if log is not None:
-        write_log(log, runs, limits=limits)
-    pairs = against_reference([run for run in runs if len(run.time_ns)], case.plants)
-    result = CaseResult(
-        runs=tuple(RunSummary.of(run, log) for run in runs),
-        agreements=tuple(judge_steps(pair, limits[pair[0].plant, pair[1].plant], progress) for pair in pairs),
-        expected=case.scenario.expected,
-        pairs=_pair_differences(runs) if case.pairwise else (),
-    )
-    if case.keep == "failed" and result.passed:
-        case.log.unlink()
-        return replace(result, runs=tuple(replace(run, log=None) for run in result.runs))
-    return result
-
-
 def _pair_differences(runs: Sequence[Run]) -> tuple[PairDifference, ...]:
     differences = []
-    for a, b in all_pairs([run for run in runs if len(run.time_ns)]):
+    runs = [run for run in runs if len(run.time_ns)]
+    reference = PLANTS.reference(run.plant for run in runs)
+    for a, b in itertools.combinations(runs, 2):
+        a, b = (b, a) if a.plant == reference else (a, b)
         comparison = compare_runs(a, b, signals=("load.rope_tension",))
         agreement = judge(a, b, comparison=comparison)
         differences.append(PairDifference(agreement, comparison.signals[0].max_abs))
     return tuple(differences)
-
-
-def try_case(case: Case, *, progress: Callable[[float], None] | None = None) -> CaseResult | Failure:
-    """Run a case as `run_case` does, but return errors as failures, so that other cases can go on."""
-    try:
-        return MachineError.retry(lambda: run_case(case, progress=progress))
-    except Exception as error:
-        return Failure.of(error)

@@ -9,8 +9,8 @@ import numpy as np
 
 from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
-from cranectl.compare import compare_runs, with_finer_steps
-from cranectl.plants import PLANTS
+from cranectl.compare import compare_runs
+from cranectl.plants import PLANTS, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import make_plant, simulate_run
@@ -64,41 +64,43 @@ class Pairwise:
     pairs: tuple[WorstPair, ...]
     plants: tuple[PlantAlone, ...]
 
+    @classmethod
+    def of(cls, validation: Validation) -> "Pairwise":
+        """Summarise all pairs of plants in `validation`, and run the worst cases again with finer steps."""
+        by_pair: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
+        for case, result in validation.results:
+            for pair in result.pairs:
+                agreement = pair.agreement
+                key = (agreement.drive, agreement.plant, agreement.reference)
+                by_pair.setdefault(key, []).append((pair, case))
+        worst = {key: max(pairs, key=lambda entry: _distance_of(entry[0])) for key, pairs in by_pair.items()}
+        rows = tuple(_summarise_pair(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
+        cases: dict[tuple[str, str], tuple[float, Case]] = {}
+        for (drive, *plants), (pair, case) in worst.items():
+            for plant in plants:
+                size = _distance_of(pair)
+                if size > cases.get((plant, drive), (-1.0, case))[0]:
+                    cases[plant, drive] = (size, case)
+        drift: dict[str, float] = {}
+        alone = []
+        for plant in PLANTS.in_order(plant for plant, _ in cases):
+            for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
+                case = cases[plant, drive][1]
+                if plant not in drift:
+                    can_lock = "ideal" in PLANTS.entry(plant).drives
+                    drift[plant] = energy_drift(plant, case.scenario) if can_lock else nan
+                steps = convergence(plant, case)
+                alone.append(
+                    PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant])
+                )
+        return cls(rows, tuple(alone))
+
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain data, with null for NaN."""
         plants = [asdict(plant) for plant in self.plants]
         for plant in plants:
             plant |= {name: None for name in ("order", "energy_drift") if not isfinite(plant[name])}
         return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
-
-
-def pairwise(validation: Validation) -> Pairwise:
-    """Summarise all pairs of plants in `validation`, and run the worst cases again with finer steps."""
-    by_pair: dict[tuple[str, str, str], list[tuple[PairDifference, Case]]] = {}
-    for case, result in validation.results:
-        for pair in result.pairs:
-            agreement = pair.agreement
-            key = (agreement.drive, agreement.plant, agreement.reference)
-            by_pair.setdefault(key, []).append((pair, case))
-    worst = {key: max(pairs, key=lambda entry: _distance_of(entry[0])) for key, pairs in by_pair.items()}
-    rows = tuple(_summarise_pair(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
-    cases: dict[tuple[str, str], tuple[float, Case]] = {}
-    for (drive, *plants), (pair, case) in worst.items():
-        for plant in plants:
-            size = _distance_of(pair)
-            if size > cases.get((plant, drive), (-1.0, case))[0]:
-                cases[plant, drive] = (size, case)
-    drift: dict[str, float] = {}
-    alone = []
-    for plant in PLANTS.in_order(plant for plant, _ in cases):
-        for drive in dict.fromkeys(drive for other, drive in cases if other == plant):
-            case = cases[plant, drive][1]
-            if plant not in drift:
-                can_lock = "ideal" in PLANTS.entry(plant).drives
-                drift[plant] = energy_drift(plant, case.scenario) if can_lock else nan
-            steps = convergence(plant, case)
-            alone.append(PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant]))
-    return Pairwise(rows, tuple(alone))
 
 
 def _distance_of(pair: PairDifference) -> float:
@@ -124,7 +126,7 @@ def convergence(plant: str, case: Case) -> tuple[float, float]:
     """Return the change of the load with steps a quarter as long [m], and the order of convergence."""
     runs = []
     for factor in (1, 2, 4):
-        scenario = with_finer_steps(case.scenario, case.drive, factor)
+        scenario = PhysicsStep(case.scenario, case.drive).refined(factor)
         if scenario is None:
             return nan, nan
         runs.append(simulate_run(scenario, plant=plant, drive=case.drive, controller=case.controller))

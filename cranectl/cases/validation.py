@@ -3,19 +3,17 @@
 import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
-from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, judged_limits
-from cranectl.cases.workers import CasesOutcome
+from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
+from cranectl.cases.workers import CasesOutcome, Done, run_cases
 from cranectl.compare import Agreement
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.metrics import LimitVerdict, all_metrics
 from cranectl.plants import PLANTS
-from cranectl.support import InconsistentError, JUnitCase, Quantity
+from cranectl.support import InconsistentError, JUnitCase
 
 Kind = Literal["passed", "failed", "error"]  # error: no result
-BETWEEN_PLANTS = "plants"  # key of a difference between plants
 
 
 class Verdict(NamedTuple):
@@ -51,25 +49,6 @@ class Verdict(NamedTuple):
         return shlex.join([*parts, "--plants", ",".join(plants), *options])
 
 
-class JudgedValue(NamedTuple):
-    """A value and its limit in the same unit, as text."""
-
-    key: str  # name of a metric, or BETWEEN_PLANTS
-    name: str
-    limit: str
-    measured: str
-    kept: bool  # whether the value is within the limit
-    overrun: float  # ratio of value and limit
-    sign: str = "≤"
-
-    @property
-    def fault(self) -> str:
-        """A sentence on a value that exceeds its limit, or the name alone if there is no value."""
-        if not self.limit:
-            return f"{self.name}."
-        return f"{self.name} is {self.measured or 'missing'}, the limit is {self.limit}."
-
-
 @dataclass(frozen=True)
 class Validation:
     """Cases with their outcome, and failures to load scenarios, by the requested name or file."""
@@ -78,6 +57,19 @@ class Validation:
     outcome: CasesOutcome
     unloaded: Mapping[str, Failure]
     plants: tuple[str, ...]
+
+    @classmethod
+    def run(
+        cls,
+        cases: Sequence[Case],
+        unloaded: Mapping[str, Failure],
+        plants: tuple[str, ...],
+        *,
+        jobs: int,
+        done: Done | None = None,
+    ) -> "Validation":
+        """Run all cases as `run_cases` does."""
+        return cls(tuple(cases), run_cases(cases, jobs=jobs, done=done), unloaded, plants)
 
     def __post_init__(self) -> None:
         """Raise InconsistentError unless every case has exactly one outcome."""
@@ -165,6 +157,16 @@ class Validation:
         fault = result.reason if result is not None else f"no result: {self.missing_reason}"
         return Verdict(*labels, "error", (fault,), "", case=case)
 
+    def junit_cases(self, options: Sequence[str]) -> list[JUnitCase]:
+        """Return a test for each verdict, in the group of its scenario."""
+        cases = []
+        for verdict in self.verdicts:
+            parts = filter(None, (verdict.controller, verdict.drive, ", ".join(verdict.plants)))
+            lines = [*verdict.faults, f"again: {verdict.command(options)}"]
+            lines += [f"log: {verdict.log}"] if verdict.log else []
+            cases.append(JUnitCase(verdict.scenario, " / ".join(parts), verdict.kind, lines))
+        return cases
+
     def to_json(self, *, passed: bool) -> dict[str, Any]:
         """Return the validation as plain data."""
         return {
@@ -209,59 +211,6 @@ def _faults(result: CaseResult) -> Iterator[str]:
                 f"{agreement.max_angle_error_rad:.2e} rad, limits {agreement.limit_m:.2e} m and "
                 f"{agreement.limit_rad:.2e} rad"
             )
-    for run, limit in judged_limits(result.runs):
+    for run, limit in RunSummary.judged_limits(result.runs):
         if not limit.kept:
             yield f"{run.plant} {limit.fault}"
-
-
-def junit_cases(verdicts: Sequence[Verdict], options: Sequence[str]) -> list[JUnitCase]:
-    """Return a test for each verdict, in the group of its scenario."""
-    cases = []
-    for verdict in verdicts:
-        parts = filter(None, (verdict.controller, verdict.drive, ", ".join(verdict.plants)))
-        lines = [*verdict.faults, f"again: {verdict.command(options)}"]
-        lines += [f"log: {verdict.log}"] if verdict.log else []
-        cases.append(JUnitCase(verdict.scenario, " / ".join(parts), verdict.kind, lines))
-    return cases
-
-
-def judged_values(result: CaseResult) -> Iterator[JudgedValue]:
-    """Yield each limit once, as `judged_limits` does, and the largest difference of plants over its limit."""
-    reference = PLANTS.reference(run.plant for run in result.runs)
-    for run, limit in judged_limits(result.runs):
-        yield _judged_limit(limit, "" if run.plant == reference else run.plant)
-    judged = [agreement for agreement in result.agreements if agreement.limit_m is not None]
-    if judged:
-        yield max(map(_judged_agreement, judged), key=lambda value: (not value.kept, value.overrun))
-
-
-def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
-    """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
-    metric = next(metric for metric in all_metrics() if metric.name == limit.metric)
-    factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), metric.unit).scale()
-    if metric.unit == "rad":
-        factor, unit = math.degrees(1.0), "°"
-    value = None if limit.value is None else factor * limit.value
-    measured, allowed = replace(limit, value=value, limit=factor * limit.limit).texts
-    meaning, sign = metric.meaning.partition(";")[0], "≥" if metric.better == "higher" else "≤"
-    name = f"{meaning[0].upper()}{meaning[1:]}{f' ({plant})' if plant else ''}"
-    space = "" if unit == "°" else " "
-    texts = f"{allowed}{space}{unit}", measured and f"{measured}{space}{unit}"
-    return JudgedValue(metric.name, name, *texts, limit.kept, limit.overrun, sign)
-
-
-def _judged_agreement(agreement: Agreement) -> JudgedValue:
-    """Return the difference of two plants in position or in angle, whichever is nearer to its limit."""
-    pairs = (
-        ("positions", agreement.max_load_error_m, agreement.limit_m, "m"),
-        ("angles", agreement.max_angle_error_rad, agreement.limit_rad, "rad"),
-    )
-    ratios = [math.inf if math.isnan(value) else value / (limit or math.inf) for _, value, limit, _ in pairs]
-    quantities, value, limit, unit = pairs[ratios.index(max(ratios))]
-    if agreement.passed is False and max(ratios) <= 1.0:
-        plants = f"{agreement.plant} and {agreement.reference}"
-        name = f"The runs on {plants} end in different ways, or at different times"
-        return JudgedValue(BETWEEN_PLANTS, name, "", "", kept=False, overrun=math.inf, sign="")
-    name = f"Difference of {quantities} between {agreement.plant} and {agreement.reference}"
-    texts = Quantity(limit or 0.0, unit).text(), Quantity(value, unit).difference()
-    return JudgedValue(BETWEEN_PLANTS, name, *texts, agreement.passed is not False, max(ratios))

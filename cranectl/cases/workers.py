@@ -12,7 +12,7 @@ from multiprocessing import forkserver, resource_tracker
 from multiprocessing.context import BaseContext
 from typing import NamedTuple
 
-from cranectl.cases.case import Case, CaseResult, Failure, try_case
+from cranectl.cases.case import Case, CaseResult, Failure
 from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.plants import PLANTS, PlantEntry
@@ -23,11 +23,6 @@ PRELOADED_MODULES = ["control", "mujoco", "numba", "cranectl.cases.workers", "cr
 
 Done = Callable[[Case], None]  # called after each case
 Result = CaseResult | Failure | None  # None after an interrupt or if its worker died
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class CasesOutcome(NamedTuple):
@@ -53,7 +48,7 @@ def _run_in_order(cases: Sequence[Case], done: Done | None) -> CasesOutcome:
     results: list[Result] = [None] * len(cases)
     for k, case in enumerate(cases):
         try:
-            result = results[k] = try_case(case)
+            result = results[k] = case.try_run()
         except KeyboardInterrupt:  # before its runs began
             return CasesOutcome(results, interrupted=True)
         if done is not None:
@@ -177,4 +172,4 @@ def _serve_cases(
             raise KeyboardInterrupt
 
     for case in parent.requests():
-        parent.send(try_case(case, progress=interrupt_if_requested))
+        parent.send(case.try_run(progress=interrupt_if_requested))

@@ -117,7 +117,7 @@ def run_benchmark(
     from cranectl.campaign.benchmark.trials import campaign_of, rules_of, trials_of
     from cranectl.campaign.benchmark.tuned import tuned_settings
     from cranectl.campaign.workers import batch_engine
-    from cranectl.cases.workers import available_cores
+    from cranectl.cli.counts import available_cores
 
     settings = read_benchmark(benchmark)
     names = measured_controllers(settings, controllers, trust=trust)

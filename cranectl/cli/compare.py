@@ -1,6 +1,5 @@
 """`cranectl compare`."""
 
-import functools
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,6 +72,34 @@ def compare_command(
     cranectl compare analytic.mcap mujoco.mcap --merge both.mcap
     cranectl compare measured.mcap --plants mujoco,elastic --replay motion --out predicted.mcap
     """
+    _check_request(logs, tolerances, merge, despite_differences)
+    from cranectl.log import Log
+
+    alone = Log.read(logs[0]) if len(logs) == 1 else Log({})
+    if (measured := alone.layers.get("measured")) is not None:
+        from cranectl.cli.measured import compare_measured
+
+        return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
+    refuse_options(
+        {"--plants": plants, "--replay": replay, "--out": out},
+        f"with {logs[0]}, which is not the log of a measured crane",
+        allowed="logs that `cranectl log import` made, one at a time",
+    )
+    if tolerances is not None:
+        judge = _judge_directories if File(logs[0]).exists() and logs[0].is_dir() else _judge
+        return judge(logs[0], logs[1], tolerances, screen)
+    if merge is not None:
+        return _merge(logs[0], logs[1], merge, despite_differences, screen)
+    if len(logs) == 2:
+        return _compare_logs(logs[0], logs[1], screen)
+    runs = alone.runs
+    return _compare_labelled(runs, screen) if alone.is_overlay else _compare_plants(logs[0], runs, screen)
+
+
+def _check_request(
+    logs: tuple[Path, ...], tolerances: str | None, merge: Path | None, despite_differences: bool
+) -> None:
+    """Raise InputError for a number of logs, options or directories that do not fit together."""
     one, judged, merged = len(logs) == 1, tolerances is not None, merge is not None
     for wrong, found, allowed, remedy in (
         (len(logs) > 2, f"{len(logs)} logs", "one log or two", "compare them two by two"),
@@ -90,40 +117,42 @@ def compare_command(
             allowed="two directories with --tolerances, or logs",
             remedy="name two directories of logs, NEW and GOLDEN, and --tolerances",
         )
-    from cranectl.cases.assertions import software_differences
-    from cranectl.compare import compare_runs, differing_fields, first_differences
-    from cranectl.log import Log
 
-    alone = Log.read(logs[0]) if one else Log({})
-    if (measured := alone.layers.get("measured")) is not None:
-        from cranectl.cli.measured import compare_measured
 
-        return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
-    refuse_options(
-        {"--plants": plants, "--replay": replay, "--out": out},
-        f"with {logs[0]}, which is not the log of a measured crane",
-        allowed="logs that `cranectl log import` made, one at a time",
-    )
-    if tolerances is not None:
-        judge = _judge_directories if directories else _judge
-        return judge(logs[0], logs[1], tolerances, screen)
-    if one:
-        runs = alone.runs
-        return _compare_labelled(runs, screen) if alone.is_overlay else _compare_plants(logs[0], runs, screen)
-    if merge is None:
-        pairs, software = _pairs(*logs), software_differences(logs[0], logs[1])
-    else:
-        pairs, software = [_merged(logs[0], logs[1], merge, despite_differences)], []
-    differing = differing_fields(*pairs[0])
+def _compare_logs(first: Path, second: Path, screen: Screen) -> int:
+    """Compare the runs of each plant that two logs share, or the only runs that they hold."""
+    from cranectl.cases import LogPair
+
+    logs = LogPair(first, second)
+    return _print_pairs(logs.pairs, (first, second), logs.software_differences, screen)
+
+
+def _merge(first: Path, second: Path, out: Path, despite_differences: bool, screen: Screen) -> int:
+    """Write two logs of one plant each as one log, and compare the runs."""
+    pair = _merged(first, second, out, despite_differences)
+    return _print_pairs([pair], (first, second), [], screen, written=out)
+
+
+def _print_pairs(
+    pairs: list[tuple["Run", "Run"]],
+    logs: tuple[Path, Path],
+    software: list[str],
+    screen: Screen,
+    written: Path | None = None,
+) -> int:
+    """Print the differences of runs of two logs, and of their settings and software."""
+    from cranectl.compare import Differences, compare_runs
+
+    differing = Differences.of(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
-    screen.print_each(f"the runs differ in {difference}" for difference in first_differences(differing))
+    screen.print_each(f"the runs differ in {difference}" for difference in differing.first)
     a, b = short_names(logs)
     for (run, _), comparison in zip(pairs, comparisons, strict=True):
         alike = comparison.a == comparison.b
         _print(screen, comparison, f"{run.plant}: {b} minus {a}" if alike else "")
     screen.print_each(f"made by other software: {difference}" for difference in software)
-    if merge is not None:
-        screen.print(f"log: {merge}")
+    if written is not None:
+        screen.print(f"log: {written}")
     compared = [comparison.to_json() for comparison in comparisons]
     screen.write_json(
         {"comparisons": compared, "differing_fields": differing, "software_differences": software}
@@ -147,10 +176,10 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
-    from cranectl.compare import against_first
+    from cranectl.compare import Comparison
     from cranectl.report.run.differences import distances_table
 
-    comparisons = against_first(runs)
+    comparisons = Comparison.against_first(runs)
     screen.print(distances_table(next(iter(runs)), comparisons))
     screen.write_json({"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
     return exit_codes.GOOD
@@ -158,8 +187,8 @@ def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
 
 def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
-    from cranectl.cases.case import CaseResult, RunSummary
-    from cranectl.compare import against_reference, compare_runs, judge, worst_agreement
+    from cranectl.cases import CaseResult, RunSummary
+    from cranectl.compare import Agreement, compare_runs, judge
     from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
 
     if len(by_plant) < 2:
@@ -168,7 +197,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
             allowed="a log of two or more plants, or two logs",
             remedy="run with --plants all, or name a second log",
         )
-    pairs = against_reference(list(by_plant.values()))
+    pairs = Agreement.pairs(list(by_plant.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
     comparisons = [compare_runs(*pair) for pair in pairs]
     judged = CaseResult(
@@ -193,7 +222,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
             "passed": judged.passed,
             "plants_agree": judged.plants_agree,
             "limits_kept": judged.limits_kept,
-            "agreement": worst_agreement(judged.agreements).to_json(),
+            "agreement": Agreement.worst(judged.agreements).to_json(),
             "agreements": [agreement.to_json() for agreement in judged.agreements],
             "statuses": statuses,
             "comparisons": [comparison.to_json() for comparison in comparisons],
@@ -204,14 +233,14 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
-    from cranectl.cases.assertions import regression_of
-    from cranectl.compare import first_differences, load_tolerances
+    from cranectl.cases import LogPair
+    from cranectl.compare import Tolerances
     from cranectl.report.run.differences import regression_table
 
-    limits = load_tolerances(tolerances)
+    limits = Tolerances.load(tolerances)
     _check_are_two(new_log, golden_log)
-    regression = regression_of(new_log, golden_log, limits)
-    settings = first_differences(regression.differing_fields)
+    regression = LogPair(new_log, golden_log).judge(limits)
+    settings = regression.differing_fields.first
     screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
         screen.print(regression_table(verdict))
@@ -242,11 +271,11 @@ def _check_are_two(new: Path, golden: Path) -> None:
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
-    from cranectl.cases.assertions import Regression, regression_of
-    from cranectl.compare import load_tolerances
+    from cranectl.cases import LogPair, Regression
+    from cranectl.compare import Tolerances
     from cranectl.report.run.differences import regressions_table
 
-    limits = load_tolerances(tolerances)
+    limits = Tolerances.load(tolerances)
     _check_are_two(new, golden)
     paths = [{path.relative_to(folder) for path in folder.rglob("*.mcap")} for folder in (new, golden)]
     if not paths[1]:
@@ -259,7 +288,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     for path in sorted(paths[1]):
         try:
             missing = path not in paths[0]
-            outcomes[str(path)] = "missing" if missing else regression_of(new / path, golden / path, limits)
+            outcomes[str(path)] = "missing" if missing else LogPair(new / path, golden / path).judge(limits)
         except InputError as error:
             outcomes[str(path)] = error.found
     passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
@@ -279,7 +308,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log; the pair that is in it."""
-    from cranectl.compare import differing_fields, merged_pair, refuse_differences
+    from cranectl.compare import Differences, merged_pair
     from cranectl.log import LogDescription, read_log, write_log
     from cranectl.support import Provenance
 
@@ -295,23 +324,10 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
     descriptions = [LogDescription.of(log) for log in (a_log, b_log)]
     if not despite_differences:
         first, second = (run.plant for run in pair)
-        refuse = functools.partial(refuse_differences, described=first)
-        refuse(f"the runs of {first} and {second} differ in", differing_fields(*pair))
+        Differences.of(*pair).refuse(f"the runs of {first} and {second} differ in", described=first)
         for description in descriptions:
             different = Provenance.differences(description.versions, Provenance.now(), harmless=True)
-            refuse(f"{description.path} and this installation differ in", different)
+            problem = f"{description.path} and this installation differ in"
+            Differences(different).refuse(problem, described=first)
     write_log(out, pair, every=descriptions[0].every)
     return pair
-
-
-def _pairs(a_log: Path, b_log: Path) -> list[tuple["Run", "Run"]]:
-    """Return the runs of each plant that two logs share, or the only runs that they hold."""
-    from cranectl.cases.assertions import nothing_shared
-    from cranectl.log import read_log
-
-    a, b = read_log(a_log), read_log(b_log)
-    if shared := [plant for plant in a if plant in b]:
-        return [(a[plant], b[plant]) for plant in shared]
-    if len(a) == len(b) == 1:
-        return [(next(iter(a.values())), next(iter(b.values())))]
-    raise nothing_shared()

@@ -1,5 +1,6 @@
 """Options for whole numbers, with bounds that help and message tell."""
 
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -13,6 +14,11 @@ MAX_SEED = 2**63 - 1
 MAX_PORT = 2**16 - 1
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Count(click.IntRange):

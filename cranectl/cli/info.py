@@ -122,7 +122,7 @@ WIDEST = 4  # runs whose settings are told beside each other
 
 def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
-    from cranectl.cases.case import RunSummary
+    from cranectl.cases import RunSummary
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.report.run.differences import what_differs
@@ -152,7 +152,7 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
 
 def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
-    from cranectl.compare import against_reference, judge, worst_agreement
+    from cranectl.compare import Agreement, judge
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.plants import PhysicsStep
@@ -162,7 +162,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     runs = log.runs
     run_list = list(runs.values())
     agreements = [
-        judge(*pair) for pair in against_reference([run for run in run_list if len(run.time_ns)], runs)
+        judge(*pair) for pair in Agreement.pairs([run for run in run_list if len(run.time_ns)], runs)
     ]
     software = Provenance.differences(description.versions, Provenance.now())
     scenario, design = run_list[0].scenario, f"{run_list[0].controller}, {run_list[0].drive} drives"
@@ -195,7 +195,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     return {
         **_asked(run_list[0]),
         "runs": [_outcome(run) for run in run_list],
-        "agreement": worst_agreement(agreements).to_json() if agreements else None,
+        "agreement": Agreement.worst(agreements).to_json() if agreements else None,
         "agreements": [agreement.to_json() for agreement in agreements],
         "software_differences": software,
     }

@@ -62,7 +62,7 @@ def ladder_command(
     """
     from cranectl.analysis.ladder import evaluate_levels, simulated_seconds
     from cranectl.analysis.levels import LEVELS, NAMES
-    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.cases import Case
     from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.log import Layer, Log, check_recordable
     from cranectl.report.rig.tables import ladder_table
@@ -71,7 +71,7 @@ def ladder_command(
     top = top or NAMES[-1]
     loaded = request.load()
     name = controller or loaded.controller.name
-    log = out or LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
+    log = out or Case.LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     FileKind.MCAP.check_place(log, option="--out")
     check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
     results = []

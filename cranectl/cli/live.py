@@ -66,7 +66,7 @@ def live_command(
     cranectl live settled-trajectory --layout view.json
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases.case import LOG_DIRECTORY, default_log
+    from cranectl.cases import Case
     from cranectl.controllers import ALL_CONTROLLERS, OPEN
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
@@ -90,7 +90,7 @@ def live_command(
     session_type = ChildSession if OPEN.files else Session
     session = session_type(loaded, design, plants=plants, drive=checked_drive(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
-    log = default_log(LOG_DIRECTORY, loaded, design.name, drive)
+    log = Case.log_in(Case.LOG_DIRECTORY, loaded, design.name, drive)
     requested = record or log.with_stem(f"{log.stem}-live")
     choices = [(plant, session.drive, name) for plant in plants for name in {design.name, *ALL_CONTROLLERS}]
     print_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them

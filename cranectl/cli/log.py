@@ -151,8 +151,8 @@ def overlay_logs(
     cranectl log overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
     cranectl log overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
-    from cranectl.cases.case import LOG_DIRECTORY
-    from cranectl.compare import against_first
+    from cranectl.cases import Case
+    from cranectl.compare import Comparison
     from cranectl.log import Log
     from cranectl.report.run.differences import distances_table
 
@@ -164,9 +164,9 @@ def overlay_logs(
             allowed="two runs or more",
             remedy="name another log, or the plants of this one with --plants all",
         )
-    path = out or LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
+    path = out or Case.LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
     FileKind.MCAP.check_place(path, inputs=logs, option="--out")
-    comparisons = against_first(runs)
+    comparisons = Comparison.against_first(runs)
     gathered.write_overlay(path)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:

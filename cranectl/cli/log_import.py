@@ -82,7 +82,7 @@ def _logs(
     files: Sequence[Path], mapping: "MeasuredMap", *, separate: bool, sheets: str | None, out: Path | None
 ) -> Mapping[Path, "LogSource"]:
     """Return the logs to write, and what each is from."""
-    from cranectl.cases.case import LOG_DIRECTORY
+    from cranectl.cases import Case
     from cranectl.measured.importing import LogSource, each_source
 
     if not separate:
@@ -93,7 +93,7 @@ def _logs(
                 remedy="add --each, or leave --sheets out and name columns as SHEET.COLUMN",
             )
         source = LogSource(mapping.name, tuple(files))
-        return {out or LOG_DIRECTORY / mapping.name / "measured.mcap": source}
+        return {out or Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
     if out is not None:
         raise InputError(
             f"--out {out} for several logs",
@@ -102,7 +102,7 @@ def _logs(
         )
     logs: dict[Path, LogSource] = {}
     for source in each_source(files, mapping, sheets):
-        path = LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
+        path = Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
         if path in logs:
             raise InputError(
                 f"{source.label} and {logs[path].label} would both become {path}",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from cranectl.cases.assertions import CaseRuns
+    from cranectl.cases import CaseRuns
 
 MAX_NAME = 150  # [characters] of a file's name, without its ending
 
@@ -60,15 +60,14 @@ def closed_loop(
         overrides: Iterable[str] = (),
     ) -> "CaseRuns":
         __tracebackhide__ = True
-        from cranectl.cases.assertions import CaseRuns
-        from cranectl.cases.case import make_case
+        from cranectl.cases import Case, CaseRuns
         from cranectl.cli.controller_options import opened
         from cranectl.planning import load_scenario
         from cranectl.simulate import checked_drive
         from cranectl.support import InputError
 
         try:
-            case = make_case(
+            case = Case.of(
                 load_scenario(
                     _beside(here, scenario),
                     rig=None if rig is None else _beside(here, rig),
@@ -99,7 +98,6 @@ def assert_golden(request: pytest.FixtureRequest) -> "Callable[..., None]":
 
     def judge(runs: "CaseRuns", *, tolerances: str | Path = "rounding") -> None:
         __tracebackhide__ = True
-        from cranectl.cases.assertions import assert_regression
         from cranectl.support import LogError
 
         path = here / "golden" / request.path.stem / _file_name(name, len(judged))
@@ -113,7 +111,7 @@ def assert_golden(request: pytest.FixtureRequest) -> "Callable[..., None]":
                 remedy="write it with pytest --cranectl-update",
             )
         else:
-            assert_regression(runs, path, _beside(here, tolerances))
+            runs.assert_regression(path, _beside(here, tolerances))
 
     return judge
 
@@ -131,7 +129,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
         return
     if LOGS not in item.config.stash:  # nobody has asked for a closed loop
         return
-    from cranectl.cases.assertions import CaseRuns
+    from cranectl.cases import CaseRuns
     from cranectl.support import LogError
 
     had = [value for value in getattr(item, "funcargs", {}).values() if isinstance(value, CaseRuns)]

@@ -14,7 +14,7 @@ from cranectl.cli.refused_options import fmi_option, refuse_fmi
 from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
-    from cranectl.cases.case import Case
+    from cranectl.cases import Case
     from cranectl.scenario import RigParameters
 
 
@@ -53,11 +53,11 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
     cranectl run fast-diagonal --plants analytic --drive velocity --fmu crane.fmu
     """
-    from cranectl.cases.case import make_case, run_case
+    from cranectl.cases import Case
     from cranectl.report.run import tables
     from cranectl.simulate import checked_drive
 
-    case = make_case(
+    case = Case.of(
         request.load(),
         controller=controller,
         drive=checked_drive(drive),
@@ -71,7 +71,7 @@ def run_command(
         _write_fmu(case, fmu, fmi)
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
-        result = run_case(case, progress=advance)
+        result = case.run(progress=advance)
     screen.print(tables.run_table({case.log.stem: result.runs}))
     screen.print_each([*case.left_out, *tables.run_notes([result])], indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:

@@ -74,7 +74,7 @@ def tune_command(
         write_tuned,
     )
     from cranectl.campaign.benchmark.tuning import tune
-    from cranectl.cases.workers import available_cores
+    from cranectl.cli.counts import available_cores
 
     benchmark = read_benchmark(benchmark_name)
     (name,) = measured_controllers(benchmark, [controller], trust=trust)

@@ -1,17 +1,17 @@
 """`cranectl validate`."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from cranectl.cli import command, exit_codes
 from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
-from cranectl.cli.counts import MAX_WORKERS, count_option
+from cranectl.cli.counts import MAX_WORKERS, available_cores, count_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
 from cranectl.cli.measured import is_measured, judge_runs
 from cranectl.cli.measured_files import map_option, sheets_option
@@ -19,9 +19,7 @@ from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
-    from cranectl.cases.case import Case, Failure, Keep
-    from cranectl.cases.pairwise import Pairwise
-    from cranectl.cases.validation import Validation
+    from cranectl.cases import Case, Failure, Pairwise, Validation
     from cranectl.compare import Agreement
     from cranectl.plants import Drive
     from cranectl.report.page import Page
@@ -69,7 +67,7 @@ def validate_command(
     out: Path,
     jobs: int | None,
     timeout: float,
-    keep: "Keep",
+    keep: Literal["all", "failed", "none"],
     pairwise: bool,
     details: bool,
     map_file: Path | None,
@@ -106,61 +104,28 @@ def validate_command(
     Exit codes, the first that holds: 130 interrupted; 70 a worker died, or an error that nobody foresaw;
     2 a scenario could not be run; 3 a run stopped against expectation; 1 a limit exceeded; 0 good.
     """
-    from cranectl.cases.case import check_logs_differ, default_log, make_case
-    from cranectl.cases.pairwise import pairwise as pairwise_of
-    from cranectl.cases.validation import Validation, junit_cases
-    from cranectl.cases.workers import available_cores, run_cases
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.plants import DRIVES, PLANTS, Drive
-    from cranectl.report.run.differences import pair_tables
-    from cranectl.scenario import scenario_names
-    from cranectl.simulate import BLOCK_TIMEOUT, checked_drive
-
     own_options = (map_file, sheets, tolerance)  # of measured runs
     if any(map(is_measured, scenarios)) or any(option is not None for option in own_options):
         return judge_runs(
             scenarios, request.rig, map_file=map_file, sheets=sheets, tolerance=tolerance, junit=junit,
             report=report, screen=screen,
         )  # fmt: skip
+    from cranectl.cases import Pairwise
+    from cranectl.controllers import ALL_CONTROLLERS
+    from cranectl.report.run.differences import pair_tables
+    from cranectl.simulate import BLOCK_TIMEOUT
+
     names = ALL_CONTROLLERS.chosen(controllers)
-    several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
-    drives = several.get(drive) or (checked_drive(drive),)
-    sources = Counter(_sources(scenarios) or scenario_names())
+    sources = Counter(_sources(scenarios))
     screen.print_each(
         f"{name} is given more than once, and judged once" for name, n in sources.items() if n > 1
     )
     loaded, unloaded = _loaded(request, tuple(sources), plants, () if controllers else names)
-    cases = [
-        make_case(
-            scenario,
-            controller=name,
-            drive=kind,
-            plants=plants,
-            log=default_log(out, scenario, name, kind),
-            source=source,
-            keep=keep,
-            pairwise=pairwise,
-            timeout=timeout,
-        )
-        for source, scenario in loaded.items()
-        for name in names
-        for kind in _common_drives(scenario.rig, plants, drives)
-    ]
-    used = {plant for case in cases for plant in case.plants}
-    chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
-    check_logs_differ(cases)
+    cases = _cases(loaded, names, drive, plants, out=out, keep=keep, pairwise=pairwise, timeout=timeout)
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
-    if cases:
-        FileKind.MCAP.check_place(out / "any.mcap", option="--out")  # once, not by every case
-    with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
-
-        def done(case: "Case") -> None:
-            advance(case.simulated_seconds, f"{case.scenario.name}, {case.controller}")
-
-        outcome = run_cases(cases, jobs=jobs or available_cores(), done=done)
-    validation = Validation(tuple(cases), outcome, unloaded, chosen)
+    validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
-    pairs = pairwise_of(validation) if pairwise else None
+    pairs = Pairwise.of(validation) if pairwise else None
     screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
     _print_results(validation, code, out, screen, details=details)
     idle = idle_timeout(names, timeout)
@@ -177,10 +142,71 @@ def validate_command(
         *(("--timeout", f"{timeout:g}") if timeout != BLOCK_TIMEOUT else ()),
     ]
     if junit is not None:
-        screen.save_junit(junit_cases(validation.verdicts, options), junit)
+        screen.save_junit(validation.junit_cases(options), junit)
     if report is not None:
         screen.save_page(_page(validation, options, pairs, screen), report)
     return code
+
+
+def _cases(
+    loaded: Mapping[str, "Scenario"],
+    controllers: Sequence[str],
+    drive: str,
+    plants: tuple[str, ...],
+    *,
+    out: Path,
+    keep: Literal["all", "failed", "none"],
+    pairwise: bool,
+    timeout: float,
+) -> list["Case"]:
+    """Return a case for each scenario, controller and drive, with logs in `out` that all differ."""
+    from cranectl.cases import Case
+    from cranectl.plants import DRIVES, Drive
+    from cranectl.simulate import checked_drive
+
+    several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
+    drives = several.get(drive) or (checked_drive(drive),)
+    cases = [
+        Case.of(
+            scenario,
+            controller=name,
+            drive=kind,
+            plants=plants,
+            log=Case.log_in(out, scenario, name, kind),
+            source=source,
+            keep=keep,
+            pairwise=pairwise,
+            timeout=timeout,
+        )
+        for source, scenario in loaded.items()
+        for name in controllers
+        for kind in _common_drives(scenario.rig, plants, drives)
+    ]
+    Case.check_logs_differ(cases)
+    return cases
+
+
+def _run(
+    cases: Sequence["Case"],
+    unloaded: Mapping[str, "Failure"],
+    plants: tuple[str, ...],
+    out: Path,
+    jobs: int | None,
+) -> "Validation":
+    """Run all cases under a bar of progress."""
+    from cranectl.cases import Validation
+    from cranectl.plants import PLANTS
+
+    used = {plant for case in cases for plant in case.plants}
+    chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
+    if cases:
+        FileKind.MCAP.check_place(out / "any.mcap", option="--out")  # once, not by every case
+    with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
+
+        def done(case: "Case") -> None:
+            advance(case.simulated_seconds, f"{case.scenario.name}, {case.controller}")
+
+        return Validation.run(cases, unloaded, chosen, jobs=jobs or available_cores(), done=done)
 
 
 def _page(
@@ -201,7 +227,14 @@ def _page(
 
 
 def _sources(names: Sequence[str]) -> list[str]:
-    """Replace each directory in `names` by the scenarios in and below it; leave out rigs and campaigns."""
+    """Replace each directory in `names` by the scenarios in and below it; leave out rigs and campaigns.
+
+    Without names, these are all shipped scenarios.
+    """
+    from cranectl.scenario import scenario_names
+
+    if not names:
+        return scenario_names()
     sources = []
     for name in names:
         if not File(Path(name)).exists() or not Path(name).is_dir():
@@ -242,15 +275,15 @@ def _loaded(
     request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
-    from cranectl.cases.case import Failure
-    from cranectl.metrics import limits_of
+    from cranectl.cases import Failure
+    from cranectl.metrics import Limits
     from cranectl.plants import plants_for
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            limits_of(scenario, plants_for(scenario.rig, plants))
+            Limits.by_plant(scenario, plants_for(scenario.rig, plants))
             if usual and (own := scenario.controller.name) not in usual:
                 raise InputError(
                     f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",

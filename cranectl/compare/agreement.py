@@ -7,7 +7,6 @@ do not feel the load.
 """
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -23,7 +22,6 @@ from cranectl.support import TOML, Arguments, InconsistentError, Shipped
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
 ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
 MAX_HALVINGS = 4  # of the physics step
-MIN_STEP_NS = 1000  # of control.physics_step
 
 Progress = Callable[[float], None]  # called with the simulated seconds since the last call
 
@@ -37,6 +35,17 @@ class AgreementLimits:
     end_s: float  # between the ends of runs that stop early
     reason: str
     order: int = ORDER  # of the difference in control.physics_step
+
+    @staticmethod
+    def between(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> "PairLimits":
+        """Return the limits of each plant's difference from the reference plant among `plants`."""
+        plants = list(plants)
+        reference = PLANTS.reference(plants)
+        return {
+            (plant, reference): pair_limits(scenario, drive, (plant, reference))
+            for plant in plants
+            if plant != reference
+        }
 
 
 @dataclass(frozen=True)
@@ -54,17 +63,6 @@ ENCODER_STEPS = NoLimits(
     "and a loop near instability amplifies this difference"
 )
 SMOOTHED_FRICTION = NoLimits("the analytic plant smooths Coulomb's friction of the joint, so it never sticks")
-
-
-def limits_for(scenario: Scenario, drive: Drive, plants: Iterable[str]) -> PairLimits:
-    """Return the limits of each plant's difference from the reference plant among `plants`."""
-    plants = list(plants)
-    reference = PLANTS.reference(plants)
-    return {
-        (plant, reference): pair_limits(scenario, drive, (plant, reference))
-        for plant in plants
-        if plant != reference
-    }
 
 
 def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> AgreementLimits | NoLimits:
@@ -172,14 +170,52 @@ class Agreement:
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
+    @staticmethod
+    def pairs(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
+        """Pair every other run with that of the reference plant, which comes second.
 
-def against_reference(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:
-    """Pair every other run with that of the reference plant, which comes second.
+        The reference plant is chosen among `plants`, by default those of `runs`.
+        """
+        reference = PLANTS.reference(plants or [run.plant for run in runs])
+        return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
 
-    The reference plant is chosen among `plants`, by default those of `runs`.
-    """
-    reference = PLANTS.reference(plants or [run.plant for run in runs])
-    return [(a, b) for b in runs if b.plant == reference for a in runs if a.plant != reference]
+    @classmethod
+    def judge_steps(
+        cls, runs: Sequence[Run], limits: AgreementLimits | NoLimits, progress: Progress | None = None
+    ) -> "Agreement":
+        """Judge as `judge` does; if the plants differ too much, find a physics step with which they agree.
+
+        The order of the difference gives the step, and new runs confirm it. There is no search if the memory
+        does not suffice or a run was interrupted.
+        """
+        agreement = judge(*runs, limits=limits)
+        if agreement.passed is not False or not isinstance(limits, AgreementLimits):
+            return agreement
+        interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
+        if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
+            return agreement
+        halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
+        shorter = PhysicsStep(runs[0].scenario, runs[0].drive).refined(2**halvings)
+        if shorter is None:
+            return agreement
+        finer_runs = []
+        for run in runs:
+            finer = simulate_run(
+                shorter, plant=run.plant, drive=run.drive, design=run.design, progress=progress
+            )
+            if finer.status == RunStatus.INTERRUPTED:
+                return agreement
+            finer_runs.append(finer)
+        if not judge(*finer_runs, limits=limits).passed:
+            return agreement
+        return replace(agreement, curing_step_s=shorter.control.physics_step)
+
+    @staticmethod
+    def worst(agreements: "Sequence[Agreement]") -> "Agreement":
+        """Return the first agreement that fails, else the first that is not judged, else the first."""
+        return min(
+            agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True)
+        )
 
 
 @Arguments.checked
@@ -223,18 +259,6 @@ def judge(
     )
 
 
-def all_pairs(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """Pair every run with every other; the reference plant comes second."""
-    pairs = itertools.combinations(runs, 2)
-    reference = PLANTS.reference(run.plant for run in runs)
-    return [(b, a) if a.plant == reference else (a, b) for a, b in pairs]
-
-
-def worst_agreement(agreements: Sequence[Agreement]) -> Agreement:
-    """Return the first agreement that fails, else the first that is not judged, else the first."""
-    return min(agreements, key=lambda agreement: (agreement.passed is not False, agreement.passed is True))
-
-
 def _within(comparison: Comparison, a: Run, b: Run, limits: AgreementLimits) -> bool:
     return (
         comparison.max_load_error_m <= limits.load_m
@@ -242,46 +266,3 @@ def _within(comparison: Comparison, a: Run, b: Run, limits: AgreementLimits) -> 
         and abs(a.end_ns - b.end_ns) <= limits.end_s * NANOSECONDS
         and a.status == b.status
     )
-
-
-def ended_as_expected(run: Run) -> bool:
-    """Return True if `run` ended as its scenario expects."""
-    return run.status.label == run.scenario.expected
-
-
-def judge_steps(
-    runs: Sequence[Run], limits: AgreementLimits | NoLimits, progress: Progress | None = None
-) -> Agreement:
-    """Judge as `judge` does; if the plants differ too much, find a physics step with which they agree.
-
-    The order of the difference gives the step, and new runs confirm it. There is no search if the memory
-    does not suffice or a run was interrupted.
-    """
-    agreement = judge(*runs, limits=limits)
-    if agreement.passed is not False or not isinstance(limits, AgreementLimits):
-        return agreement
-    interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
-    if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
-        return agreement
-    halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
-    shorter = with_finer_steps(runs[0].scenario, runs[0].drive, 2**halvings)
-    if shorter is None:
-        return agreement
-    finer_runs = []
-    for run in runs:
-        finer = simulate_run(shorter, plant=run.plant, drive=run.drive, design=run.design, progress=progress)
-        if finer.status == RunStatus.INTERRUPTED:
-            return agreement
-        finer_runs.append(finer)
-    if not judge(*finer_runs, limits=limits).passed:
-        return agreement
-    return replace(agreement, curing_step_s=shorter.control.physics_step)
-
-
-def with_finer_steps(scenario: Scenario, drive: Drive, times: int) -> Scenario | None:
-    """Return `scenario` with `times` as many steps, or None if that needs fractions of nanoseconds."""
-    step_ns, rest = divmod(scenario.period_ns, PhysicsStep(scenario, drive).per_period * times)
-    if rest or step_ns < MIN_STEP_NS:
-        return None
-    control = scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})
-    return scenario.model_copy(update={"control": control})

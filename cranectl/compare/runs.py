@@ -62,6 +62,12 @@ class Comparison:
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
+    @staticmethod
+    def against_first(runs: Mapping[str, Run]) -> "dict[str, Comparison]":
+        """Compare each run with the first, by label; raise InputError as `compare_runs` does."""
+        (label, first), *others = runs.items()
+        return {other: replace(compare_runs(first, run), a=label, b=other) for other, run in others}
+
 
 @Arguments.checked
 def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Comparison:
@@ -119,12 +125,6 @@ def compare_runs(a: Run, b: Run, *, signals: Sequence[str] | None = None) -> Com
     )
 
 
-def against_first(runs: Mapping[str, Run]) -> dict[str, Comparison]:
-    """Compare each run with the first, by label; raise InputError as `compare_runs` does."""
-    (label, first), *others = runs.items()
-    return {other: replace(compare_runs(first, run), a=label, b=other) for other, run in others}
-
-
 def named_signals(run: Run) -> dict[str, Signal]:
     """Return all signals of a run by group and name, such as `state.alpha`, in column order."""
     return {f"{group.name}.{signal.name}": signal for group in run.groups for signal in group.signals}
@@ -135,34 +135,46 @@ def compared_signals(run: Run) -> list[str]:
     return [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
 
 
-def differing_fields(a: Run, b: Run) -> tuple[str, ...]:
-    """Return a line for each setting that differs, such as `design.input_weight: 0.1 and 0.11`.
+class Differences(tuple[str, ...]):
+    """Lines that each say in what two runs or logs differ, such as `design.input_weight: 0.1 and 0.11`."""
 
-    The lines name different controllers and drives, then differences of the scenarios. If there are none,
-    they name differences of the computed designs.
-    """
-    pairs = {"controller": (a.design.name, b.design.name), "drive": (a.drive, b.drive)}
-    named = tuple(f"{kind}: {one} and {other}" for kind, (one, other) in pairs.items() if one != other)
-    scenarios = (without_file_names(run.scenario.model_dump(mode="json")) for run in (a, b))
-    designs = [{"controller": run.design.to_json()} for run in (a, b)]
-    for (
-        design
-    ) in designs:  # the digest of a controller's file says whether its text differs, its name nothing
-        for name in ("source", "reference"):
-            design["controller"].get("origin", {}).pop(name, None)
-    for tables in (scenarios, designs):
-        first, second = (dict(Tree(table).leaves()) for table in tables)
-        differing = Tree(first).differences(second, absent="nothing")
-        named += tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing)
-        if named:
-            break
-    return named
+    @classmethod
+    def of(cls, a: Run, b: Run) -> "Differences":
+        """Return a line for each setting that differs.
 
+        The lines name different controllers and drives, then differences of the scenarios. If there are none,
+        they name differences of the computed designs.
+        """
+        pairs = {"controller": (a.design.name, b.design.name), "drive": (a.drive, b.drive)}
+        named = tuple(f"{kind}: {one} and {other}" for kind, (one, other) in pairs.items() if one != other)
+        scenarios = (without_file_names(run.scenario.model_dump(mode="json")) for run in (a, b))
+        designs = [{"controller": run.design.to_json()} for run in (a, b)]
+        for design in designs:  # a digest says whether a controller's file differs, its name does not
+            for name in ("source", "reference"):
+                design["controller"].get("origin", {}).pop(name, None)
+        for tables in (scenarios, designs):
+            first, second = (dict(Tree(table).leaves()) for table in tables)
+            differing = Tree(first).differences(second, absent="nothing")
+            named += tuple(f"{name}: {' and '.join(_shortened(old, new))}" for name, old, new in differing)
+            if named:
+                break
+        return cls(named)
 
-def first_differences(differences: Sequence[str]) -> list[str]:
-    """Return at most SHOWN_DIFFERENCES of the lines, and how many more there are."""
-    more = len(differences) - SHOWN_DIFFERENCES
-    return [*differences[:SHOWN_DIFFERENCES], *([f"{more} more"] if more > 0 else [])]
+    @property
+    def first(self) -> list[str]:
+        """At most SHOWN_DIFFERENCES of the lines, and how many more there are."""
+        more = len(self) - SHOWN_DIFFERENCES
+        return [*self[:SHOWN_DIFFERENCES], *([f"{more} more"] if more > 0 else [])]
+
+    def refuse(self, problem: str, described: str) -> None:
+        """Raise InputError if there are any: a merged log describes the run of plant `described` only."""
+        if self:
+            raise InputError(
+                f"{problem}: {'; '.join(self.first)}",
+                allowed="two runs of the same scenario, by the installed versions",
+                remedy="run one of them again, or merge with --despite-differences: the log then describes "
+                f"the {described} run's scenario and the installed versions",
+            )
 
 
 def _shortened(*values: Any) -> list[str]:
@@ -233,14 +245,3 @@ def merged_pair(a: Run, b: Run) -> tuple[Run, Run]:
     order = PLANTS.in_order((a.plant, b.plant))
     first, second = sorted((a, b), key=lambda run: order.index(run.plant))
     return first, second
-
-
-def refuse_differences(problem: str, differences: Sequence[str], *, described: str) -> None:
-    """Raise InputError if there are differences: a merged log describes the run of plant `described` only."""
-    if differences:
-        raise InputError(
-            f"{problem}: {'; '.join(first_differences(differences))}",
-            allowed="two runs of the same scenario, by the installed versions",
-            remedy="run one of them again, or merge with --despite-differences: the log then describes the "
-            f"{described} run's scenario and the installed versions",
-        )

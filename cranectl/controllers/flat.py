@@ -15,7 +15,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from cranectl.controllers.controller import ROPE_SLACK, SLACK_ENDS_RUN, Controller, Nominal
 from cranectl.controllers.slots import Slots
-from cranectl.design import TITLES, Design, check_sampled, design_controller, sampled_blocks, sampled_loop
+from cranectl.design import TITLES, Design, check_sampled, design_controller
 from cranectl.model import flat_output, linearising_input
 from cranectl.signals import ACCELERATION, ALPHA, BETA, COLUMN, JERK, ROPE, Z
 from cranectl.status import RunStatus
@@ -59,9 +59,8 @@ SAMPLING_REMEDIES = {
 
 def make_tracker(design: Design, *, period: float, gravity: float) -> Tracker:
     """Return the tracker of a design sampled with `period` [s]; raise InputError if its loop is unstable."""
-    r = design.robustifier
-    blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
-    loop = sampled_loop(design.gain, blocks, period)
+    blocks = design.robustifier.sampled(period)
+    loop = blocks.loop(design.gain, period)
     slower = " or ".join(remedy for kind, remedy in SAMPLING_REMEDIES.items() if kind in design.name)
     check_sampled(design.name, loop, period, remedy=slower)
     return Tracker(

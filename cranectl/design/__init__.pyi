@@ -1,16 +1,10 @@
 from .controllers import CONTROLLERS as CONTROLLERS
 from .controllers import TITLES as TITLES
 from .controllers import design_controller as design_controller
-from .controllers import with_gain as with_gain
 from .discretisation import check_sampled as check_sampled
 from .discretisation import diagonal as diagonal
-from .discretisation import sampled_blocks as sampled_blocks
-from .discretisation import sampled_loop as sampled_loop
 from .discretisation import zero_order_hold as zero_order_hold
 from .linear_systems import closed_loop_poles as closed_loop_poles
-from .linear_systems import inner_loop as inner_loop
-from .linear_systems import loop_margins as loop_margins
-from .linear_systems import open_loop as open_loop
 from .loop_shaping import error_weight as error_weight
 from .records import ControllerDesign as ControllerDesign
 from .records import Design as Design

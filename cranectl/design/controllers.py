@@ -6,11 +6,8 @@ the libraries that compute it takes longer than most runs.
 
 import functools
 import json
-from dataclasses import replace
 
-import numpy as np
-
-from cranectl.design.records import NO_ROBUSTIFIER, Design, Robustifier
+from cranectl.design.records import NO_ROBUSTIFIER, Design, Margins, Robustifier
 from cranectl.scenario import DesignSettings
 from cranectl.support import Arguments, InputError, kept
 
@@ -23,7 +20,6 @@ ROBUSTIFIERS = {
     "hinf": ", robustified by mixed sensitivity",
     "loop-shaping": ", robustified by loop shaping",
 }
-BY_HAND = ", gains by hand"  # end of the name of a design whose gains were changed
 TITLES = {
     f"{feedback}+{robustifier}".rstrip("+"): title + by
     for feedback, title in FEEDBACKS.items()
@@ -72,7 +68,7 @@ def design_controller(name: str, settings: DesignSettings | None = None) -> Desi
 
 def _computed(name: str, settings: DesignSettings) -> Design:
     # python-control takes more than a second to import, and each synthesis more.
-    from cranectl.design.linear_systems import NOTHING, closed_loop_poles, loop_margins, open_loop
+    from cranectl.design.linear_systems import NOTHING, closed_loop_poles, open_loop
     from cranectl.design.state_feedback import lqr_gain, pole_placement_gain
 
     feedback, _, kind = name.partition("+")
@@ -93,34 +89,9 @@ def _computed(name: str, settings: DesignSettings) -> Design:
         name=name,
         gain=gain,
         closed_loop_poles=closed_loop_poles(loop),
-        margins=loop_margins(loop),
+        margins=Margins.of(loop),
         robustifier=record if record.order else NO_ROBUSTIFIER,
         gamma=robustifier.gamma_min,
         gamma_achieved=gamma,
         stability_margin=1.0 / gamma if gamma is not None and kind == "loop-shaping" else None,
-    )
-
-
-def with_gain(design: Design, gain: np.ndarray) -> Design:
-    """Return `design` with another state feedback (4,); raise InputError if its loop is unstable."""
-    from cranectl.design.linear_systems import closed_loop_poles, loop_margins, open_loop
-
-    loop = open_loop(gain, design.robustifier.system())
-    poles = closed_loop_poles(loop)
-    fastest = poles.real.max()
-    if not fastest < 0.0:
-        raise InputError(
-            f"unstable with the gains {', '.join(f'{k:g}' for k in gain)}: a pole at {fastest:.3g} 1/s",
-            allowed="gains that put all poles of the closed loop to the left",
-            remedy="change k3, k2, k1, k0 in this order when raising them, or all at once",
-        )
-    return replace(
-        design,
-        name=f"{design.name.removesuffix(BY_HAND)}{BY_HAND}",
-        gain=gain,
-        closed_loop_poles=poles,
-        margins=loop_margins(loop),
-        gamma=None,
-        gamma_achieved=None,
-        stability_margin=None,
     )

@@ -19,6 +19,27 @@ class SampledBlocks(NamedTuple):
     output_matrix: Array  # (n, 2)
     feedthrough: float
 
+    @property
+    def matrix(self) -> Array:
+        """The state matrix of all blocks, (2 n, 2 n)."""
+        return diagonal(self.state_matrix)
+
+    def loop(self, gain: Array, period: float) -> Array:
+        """Return the state matrix of one axis's error under the sampled controller, if v were held.
+
+        The states are the error and three derivatives, then those of the self. In a run the accelerations of
+        the drives are held instead of v, which differs by a fraction of a period.
+        """
+        phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
+        measured = np.eye(4)[:1]
+        feedback = gain.reshape(1, 4) + self.feedthrough * measured
+        return np.block(
+            [
+                [phi - hold @ feedback, -hold @ self.output_matrix.reshape(1, -1)],
+                [self.input_matrix.reshape(-1, 1) @ measured, self.matrix],
+            ]
+        )
+
 
 def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
     """Return A and B of x' = A x + B u, b (n, m), sampled exactly with the input held over `period` [s]."""
@@ -42,23 +63,6 @@ def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> Sam
         state[k], input_column = zero_order_hold(a[rows, rows], b[rows, None], period)
         drive[k] = input_column[:, 0]
     return SampledBlocks(state, drive, np.ascontiguousarray(c.reshape(n, 2)), float(d))
-
-
-def sampled_loop(gain: Array, blocks: SampledBlocks, period: float) -> Array:
-    """Return the state matrix of one axis's error under the sampled controller, if v were held.
-
-    The states are the error and three derivatives, then those of the blocks. In a run the accelerations of
-    the drives are held instead of v, which differs by a fraction of a period.
-    """
-    phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
-    measured = np.eye(4)[:1]
-    feedback = gain.reshape(1, 4) + blocks.feedthrough * measured
-    return np.block(
-        [
-            [phi - hold @ feedback, -hold @ blocks.output_matrix.reshape(1, -1)],
-            [blocks.input_matrix.reshape(-1, 1) @ measured, diagonal(blocks.state_matrix)],
-        ]
-    )
 
 
 def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None:

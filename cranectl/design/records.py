@@ -1,19 +1,22 @@
 """Records of a controller in a run: its settings and, for the flat family, its linear design."""
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, asdict, dataclass, field
+from dataclasses import KW_ONLY, asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.signals import Signal, SignalGroup
-from cranectl.support import Array, InconsistentError, Provenance
+from cranectl.support import Array, InconsistentError, InputError, Provenance
 
 if TYPE_CHECKING:
     import control
 
+    from cranectl.design.discretisation import SampledBlocks
+
 Value = float | str
+BY_HAND = ", gains by hand"  # end of the name of a design whose gains were changed
 # The system z'''' = v of one axis, as arrays: importing python-control takes most of a second.
 CHAIN_A: Array = np.diag(np.ones(3), 1)
 CHAIN_B: Array = np.eye(4)[:, 3:]
@@ -63,6 +66,12 @@ class Robustifier:
 
         return control.ss(self.a, self.b[:, np.newaxis], self.c[np.newaxis], self.d)
 
+    def sampled(self, period: float) -> "SampledBlocks":
+        """Return the robustifier sampled with `period` [s]."""
+        from cranectl.design.discretisation import sampled_blocks  # SciPy takes a while to import
+
+        return sampled_blocks(self.a, self.b, self.c, self.d, period)
+
     def to_json(self) -> dict[str, Any] | None:
         """Return plain data, B as a column and C as a row, or None for the robustifier without effect."""
         if not self.order and not self.d:
@@ -102,6 +111,13 @@ class Margins:
     bandwidth: float  # [rad/s], where T first falls 3 dB below 1
     sensitivity_peak: float  # largest |S|
     complementary_peak: float  # largest |T|
+
+    @classmethod
+    def of(cls, loop: "control.StateSpace") -> "Margins":
+        """Return the margins of a stable `loop`."""
+        from cranectl.design.linear_systems import loop_margins
+
+        return loop_margins(loop)
 
     @property
     def modulus_margin(self) -> float:
@@ -213,6 +229,51 @@ class Design(ControllerDesign):
         """The design itself."""
         return self
 
+    @property
+    def closed_loop_matrix(self) -> Array:
+        """The state matrix (4 + n, 4 + n) of one axis's error in the closed loop."""
+        r = self.robustifier
+        matrices = r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), np.array([[r.d]])
+        a, b, c = loop_matrices(self.gain, *matrices)
+        closed: Array = a - b @ c
+        return closed
+
+    def open_loop(self) -> "control.StateSpace":
+        """Return the loop of one axis cut at v: four integrators, state feedback and robustifier."""
+        from cranectl.design.linear_systems import open_loop
+
+        return open_loop(self.gain, self.robustifier.system())
+
+    def inner_loop(self) -> "control.StateSpace":
+        """Return one axis with its state feedback alone, from v-bar to z."""
+        from cranectl.design.linear_systems import inner_loop
+
+        return inner_loop(self.gain)
+
+    def with_gain(self, gain: Array) -> "Design":
+        """Return this design with another state feedback (4,); raise InputError if its loop is unstable."""
+        from cranectl.design.linear_systems import closed_loop_poles
+
+        changed = replace(self, gain=gain)
+        loop = changed.open_loop()
+        poles = closed_loop_poles(loop)
+        fastest = poles.real.max()
+        if not fastest < 0.0:
+            raise InputError(
+                f"unstable with the gains {', '.join(f'{k:g}' for k in gain)}: a pole at {fastest:.3g} 1/s",
+                allowed="gains that put all poles of the closed loop to the left",
+                remedy="change k3, k2, k1, k0 in this order when raising them, or all at once",
+            )
+        return replace(
+            changed,
+            name=f"{self.name.removesuffix(BY_HAND)}{BY_HAND}",
+            closed_loop_poles=poles,
+            margins=Margins.of(loop),
+            gamma=None,
+            gamma_achieved=None,
+            stability_margin=None,
+        )
+
     def to_json(self) -> dict[str, Any]:
         """Return plain data, with poles as [real, imaginary]."""
         return {
@@ -252,11 +313,3 @@ def loop_matrices(gain: Array, a: Array, b: Array, c: Array, d: Array) -> tuple[
         np.vstack([CHAIN_B, np.zeros((n, 1))]),
         np.hstack([np.asarray(gain).reshape(1, 4) + d @ np.eye(4)[:1], c]),
     )
-
-
-def closed_loop_matrix(gain: Array, robustifier: Robustifier) -> Array:
-    """Return the state matrix (4 + n, 4 + n) of one axis's error in the closed loop."""
-    r = robustifier
-    a, b, c = loop_matrices(gain, r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), np.array([[r.d]]))
-    closed: Array = a - b @ c
-    return closed

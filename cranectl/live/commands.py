@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.design import ControllerDesign, with_gain
+from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
 from cranectl.reference import HandLimits
@@ -246,4 +246,4 @@ def _with_values(design: ControllerDesign, values: Mapping[str, Any]) -> Control
         stated = {name.partition(".")[2]: value for name, value in values.items()}
         return ALL_CONTROLLERS[design.name].designed(stated)
     gain = np.array([checked_number(name, value, -MAX_GAIN, MAX_GAIN) for name, value in values.items()])
-    return with_gain(axis, gain) if (gain != axis.gain).any() else axis
+    return axis.with_gain(gain) if (gain != axis.gain).any() else axis

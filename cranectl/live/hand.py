@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import ControllerDesign
 from cranectl.live.hand_limits import hand_limits
-from cranectl.reference import (
-    HandLimits,
-    build_trajectory,
-    commands_at,
-    drive,
-    driven_derivatives,
-    rest_state,
-)
+from cranectl.reference import HandLimits, Trajectory
 from cranectl.scenario import NANOSECONDS, Disturbance, Driven, Hold, ReferenceSettings, Scenario
 from cranectl.support import JSON, Array, InputError, printable
 
@@ -48,7 +41,7 @@ class HandReference:
         self._scenario, self._first = scenario, sample
         self._period = scenario.period_ns / NANOSECONDS
         self._earlier_reference = _reference_until(scenario.reference, sample * self._period)
-        trajectory = build_trajectory(self._earlier_reference)
+        trajectory = Trajectory.of(self._earlier_reference)
         self._start = trajectory.sample(trajectory.joints[-1:])[0, :3]
         low, high = self.limits.low, self.limits.high
         if ((self._start < low) | (self._start > high)).any():
@@ -62,7 +55,7 @@ class HandReference:
         self._end = round(Scenario.MAX_SECONDS / self._period) - self._settling
         if sample >= self._end:
             raise _too_late()
-        self._state, self._request = rest_state(self._start), RELEASED
+        self._state, self._request = self.limits.rest_state(self._start), RELEASED
         # One row for each sample since the start, filled up to the newest sample.
         self.table = np.empty((self._end + self._settling + 1, 15))
         self._changes: dict[int, HandRequest] = {}  # by sample since driving by hand began
@@ -78,9 +71,9 @@ class HandReference:
 
     def rows(self, index: NDArray[np.intp]) -> Array:
         """Return the reference at the next samples `index` (n,) since the start: shape (n, 15)."""
-        requests = commands_at([(0, self._request), (self._end, RELEASED)], index)
-        states = drive(self.limits, self._period, self._state, requests)
-        rows = driven_derivatives(self.limits, states).reshape(len(index), 15)
+        requests = self.limits.commands_at([(0, self._request), (self._end, RELEASED)], index)
+        states = self.limits.drive(self._period, self._state, requests)
+        rows = self.limits.derivatives(states).reshape(len(index), 15)
         self.table[index[index < len(self.table)]] = rows[index < len(self.table)]
         return rows
 

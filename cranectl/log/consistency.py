@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cranectl.log.topics import Topics
 from cranectl.mcap_columns import DamageError
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
@@ -154,7 +154,7 @@ def _check_reference(run: Run, finite: int, *, planned: bool) -> None:
     if planned and len(run.time_ns):
         rows = np.linspace(0, len(run.time_ns) - 1, COMPARED_SAMPLES).round().astype(np.intp)
         logged = run.reference[rows]
-        expected = build_trajectory(run.scenario.reference).sample(run.time_ns[rows] / NANOSECONDS)
+        expected = Trajectory.of(run.scenario.reference).sample(run.time_ns[rows] / NANOSECONDS)
         allowed = COSINE_ROUNDING * np.maximum(1.0, np.abs(expected).max(axis=0))
         if (np.abs(logged - expected) > allowed).any():
             raise DamageError("the reference does not follow from its scenario")

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.metrics import workspace_excess
 from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
 from cranectl.signals import State
 from cranectl.simulate import Run, disturbances_at
@@ -76,7 +75,7 @@ def saturation(run: Run) -> NDArray[np.int64]:
 
 def status_changes(run: Run) -> list[StatusChange]:
     """Return the status of a run at its start, at every change, and at its end."""
-    inside: NDArray[np.bool_] = workspace_excess(run).max(axis=1) <= 0.0
+    inside: NDArray[np.bool_] = run.workspace_excess.max(axis=1) <= 0.0
     limited = saturation(run)
     crossings = run.time_ns[1:][np.diff(inside) | (np.diff(limited) != 0)] if len(inside) else run.time_ns
     times = {0, *(time for time, _ in phases(run.scenario)), *disturbance_times(run.scenario)}
@@ -182,7 +181,7 @@ def _condition_events(run: Run, before: Conditions) -> tuple[list[Event], Condit
     if not len(run.time_ns):
         return [], before
     observed: list[Event] = []
-    outside, limited = workspace_excess(run) > 0.0, saturation(run)
+    outside, limited = run.workspace_excess > 0.0, saturation(run)
     slack = run.tension <= 0.0 if run.has_tension else np.zeros(len(run.time_ns), dtype=np.bool_)
     for name, axis, was in zip(State.AXIS_NAMES, outside.T, before.outside, strict=True):
         texts = f"{name} leaves the workspace", f"{name} is back in the workspace"

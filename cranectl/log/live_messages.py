@@ -25,7 +25,6 @@ from cranectl.log.events import (
 )
 from cranectl.log.messages import design_info, differences, log_lines, run_info, samples, status
 from cranectl.log.topics import Stream
-from cranectl.metrics import workspace_excess
 from cranectl.scenario import NANOSECONDS, Drawing, Scenario
 from cranectl.simulate import Plan, Run
 from cranectl.status import RunStatus
@@ -171,7 +170,7 @@ class LiveMessages:
 
     def _statuses(self, run: Run, origin_ns: int) -> NDArray[np.int64]:
         """Return columns (N, 4): inside the workspace, segment of the reference, Disturbed, Saturated."""
-        inside = workspace_excess(run).max(axis=1) <= 0.0
+        inside = run.workspace_excess.max(axis=1) <= 0.0
         starts = [start for start, _ in self._phases]
         segment = np.searchsorted(starts, run.time_ns - origin_ns, side="right") - 1
         return np.column_stack([inside, segment, disturbed(_disturbances(run)), saturation(run)])

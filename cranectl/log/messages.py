@@ -8,7 +8,7 @@ import numpy as np
 from foxglove.messages import Log, LogLevel
 from numpy.typing import NDArray
 
-from cranectl.compare import AgreementLimits, NoLimits, PairLimits, against_reference, compare_runs, judge
+from cranectl.compare import Agreement, PairLimits, compare_runs, judge
 from cranectl.design import ControllerDesign
 from cranectl.log.events import Event, StatusChange, events, status_changes
 from cranectl.log.scene import scene_streams, timestamp_of
@@ -43,10 +43,10 @@ def streams(
     result.append(log_lines(event for run in runs for event in events(run)))
     result += [status(run.plant, status_changes(run)) for run in runs]
     result += samples(runs)
-    for a, b in against_reference(runs):
+    for a, b in Agreement.pairs(runs):
         name = a.plant if len(runs) > 2 else ""
         if differing := _differences(a, b, name):
-            verdict = _verdict(a, b, limits=(limits or {}).get((a.plant, b.plant)))
+            verdict = _verdict(a, b, limits=limits)
             result += [*differing, _text(Topics.difference("verdict", name), "Verdict", verdict)]
     return result + scene_streams(runs)
 
@@ -77,7 +77,7 @@ def signals(
 
 def differences(runs: Sequence[Run], plants: Sequence[str]) -> list[Stream]:
     """Return the differences of the runs from that of the reference plant, among all `plants` of the log."""
-    pairs = against_reference(runs, plants)
+    pairs = Agreement.pairs(runs, plants)
     return [s for a, b in pairs for s in _differences(a, b, a.plant if len(plants) > 2 else "")]
 
 
@@ -101,10 +101,10 @@ def distances(topic: str, a: Run, b: Run) -> Stream:
     return signals(topic, Topics.DISTANCE, time_ns, np.column_stack([load, angles]).clip(MIN_DISTANCE))
 
 
-def _verdict(a: Run, b: Run, *, limits: AgreementLimits | NoLimits | None) -> dict[str, str]:
+def _verdict(a: Run, b: Run, *, limits: PairLimits | None) -> dict[str, str]:
     """Return in words whether the plants agree, and the difference of every signal."""
     comparison = compare_runs(a, b)
-    agreement = judge(a, b, limits=limits, comparison=comparison)
+    agreement = judge(a, b, limits=(limits or {}).get((a.plant, b.plant)), comparison=comparison)
     values = {
         "verdict": agreement.verdict,
         "load": _with_limit(agreement.max_load_error_m, agreement.limit_m, "m", agreement.limits),

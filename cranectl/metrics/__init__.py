@@ -1,9 +1,8 @@
 """Compute the metrics of a run, from its whole record or block by block while it runs.
 
-    setup = metrics_setup(scenario, drive)
-    accumulator = empty_accumulator()
-    accumulate(setup, accumulator, (time_ns, record, reference, commands))  # for each block
-    metrics = finish(setup, accumulator, status, end_ns)
+    accumulator = Accumulator(scenario, drive)
+    accumulator.add(time_ns, record, reference, commands)  # for each block
+    metrics = accumulator.finish(status, end_ns)
 
 `run_metrics(run)` does this for a run in memory. `table` defines all metrics.
 """

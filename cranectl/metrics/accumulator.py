@@ -5,14 +5,19 @@ accumulator holds the values of the last sample that the next interval needs.
 """
 
 from math import acos, cos, inf, sin, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.metrics.setup import MetricsSetup
-from cranectl.metrics.table import all_metrics
+from cranectl.metrics.setup import FLAG_COLUMN, NO_FLAGS, MetricsSetup, metrics_setup
+from cranectl.metrics.summary import RunMetrics
+from cranectl.metrics.table import Measured, Metric, Value
+from cranectl.plants import Drive
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, COLUMN, ROPE
+from cranectl.simulate import Run
+from cranectl.status import RunStatus
 from cranectl.support import Array, jit
 
 # Sums are over samples, and those of time and work over the intervals between them. Extremes start infinite.
@@ -43,46 +48,69 @@ _LOWEST = (
 _HIGHEST = ("input_highest", "overshoot", "rest_load_highest", "rest_angle_highest")
 
 
-class Accumulator(NamedTuple):
-    """Totals over all samples that have been added."""
+class Accumulator:
+    """Measure a run of `scenario` with drives of one kind: add its samples block by block, then finish."""
 
-    total: NDArray[np.void]  # (1,) of type TOTALS
-    own: dict[str, Array]  # numbers of each metric with its own kernel, by name
+    def __init__(self, scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> None:
+        """Start without samples; `flag_column` is that of `metrics_setup`."""
+        self.setup = metrics_setup(scenario, drive, flag_column=flag_column)
+        self.total: NDArray[np.void] = np.zeros(1, dtype=TOTALS)
+        for names, start in ((_LOWEST, inf), (_HIGHEST, -inf)):
+            for name in names:
+                self.total[name] = start
+        self.own = {m.name: np.array(m.start) for m in Metric.all() if m.kernel is not None}
+
+    @classmethod
+    def of(cls, run: Run) -> "Accumulator":
+        """Return an accumulator without samples for the record of a whole run."""
+        names = [name for group in run.groups for name in group.names]
+        flags = names.index("bridge_limited") if "bridge_limited" in names else NO_FLAGS
+        return cls(run.scenario, run.drive, flag_column=flags)
+
+    def add(self, time_ns: NDArray[np.int64], record: Array, reference: Array, commands: Array) -> None:
+        """Add consecutive samples.
+
+        Parameters
+        ----------
+        time_ns : (n,) array
+            Times [ns].
+        record : (n, BASE_WIDTH or more) array
+            Columns as in `signals`.
+        reference : (n, 15) array
+            The reference.
+        commands : (n, any) array
+            The record of the signal path, or of the whole run. It has the flags of saturation from
+            `setup.flag_column` on. Without a signal path it is not read.
+        """
+        samples = time_ns, record, reference, commands
+        add_samples(self.setup, self.total, *samples)
+        for metric in Metric.all():
+            if metric.kernel is not None:
+                metric.kernel(self.setup, self.own[metric.name], *samples)
+
+    def measured(self, status: RunStatus, end_ns: int) -> Measured:
+        """Return the totals of a run that ended like this with the last sample added."""
+        return Measured(self.setup, self.total[0], self.own, status, end_ns)
+
+    def finish(self, status: RunStatus, end_ns: int) -> RunMetrics | None:
+        """Return the metrics of the run whose samples have all been added; None if it has none."""
+        if not self.total["samples"][0]:
+            return None
+        measured = self.measured(status, end_ns)
+        values = {metric.name: _plain(metric.value(measured)) for metric in Metric.all()}
+        return RunMetrics(status.label, end_ns / NANOSECONDS, values)
 
 
-def empty_accumulator() -> Accumulator:
-    """Return an accumulator without samples."""
-    total = np.zeros(1, dtype=TOTALS)
-    for names, start in ((_LOWEST, inf), (_HIGHEST, -inf)):
-        for name in names:
-            total[name] = start
-    return Accumulator(total, {m.name: np.array(m.start) for m in all_metrics() if m.kernel is not None})
-
-
-def accumulate(
-    setup: MetricsSetup,
-    accumulator: Accumulator,
-    samples: tuple[NDArray[np.int64], Array, Array, Array],
-) -> None:
-    """Add consecutive `samples` to `accumulator`: a tuple of time_ns, record, reference and commands.
-
-    - `time_ns` (n,): times [ns].
-    - `record` (n, BASE_WIDTH or more): columns as in `signals`.
-    - `reference` (n, 15): the reference.
-    - `commands` (n, any): the record of the signal path, or of the whole run. It has the flags of saturation
-      from `setup.flag_column` on. Without a signal path it is not read.
-    """
-    add_samples(setup, accumulator.total, *samples)
-    for metric in all_metrics():
-        if metric.kernel is not None:
-            metric.kernel(setup, accumulator.own[metric.name], *samples)
+def _plain(value: Any) -> Value:
+    plain: Any = np.asarray(value).tolist()
+    return tuple(plain) if isinstance(plain, list) else plain
 
 
 @jit
 def add_samples(
     setup: MetricsSetup, totals: Any, time_ns: Any, record: Array, reference: Array, commands: Array
 ) -> None:
-    """Add samples, the arrays of `accumulate`, to `totals` (1,)."""
+    """Add samples, the arrays of `Accumulator.add`, to `totals` (1,)."""
     total = totals[0]
     for k in range(len(time_ns)):
         row, time = record[k], float(time_ns[k])

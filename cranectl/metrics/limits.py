@@ -8,8 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, create_model
 
-from cranectl.metrics.summary import RunMetrics, metric_course
-from cranectl.metrics.table import all_metrics, low_is_bad
+from cranectl.metrics.runs import metric_course
+from cranectl.metrics.summary import RunMetrics
+from cranectl.metrics.table import Metric
 from cranectl.plants import PLANTS
 from cranectl.scenario import Scenario, Settings
 from cranectl.simulate import Run
@@ -25,18 +26,29 @@ class _Limits(Settings):
         """The limits that are set, by metric."""
         return {name: value for name, value in self if value is not None}
 
+    @staticmethod
+    def by_plant(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, float]]:
+        """Return the limits that `scenario` sets for runs on each of `plants`, by metric.
+
+        A table with the name of a plant holds for that plant only, and replaces limits for all plants. Raises
+        InputError for unknown metrics or plants and for values that are not allowed.
+        """
+        tables = {name: value for name, value in scenario.limits.stated.items() if isinstance(value, Mapping)}
+        shared = {name: value for name, value in scenario.limits.stated.items() if name not in tables}
+        stated = {"": Limits.from_table(shared, f"{scenario.name}, [limits]").given}
+        for plant, table in tables.items():
+            PLANTS.entry(plant)  # raises InputError if it is unknown
+            own = Limits.from_table(table, f"{scenario.name}, [limits.{plant}]").given
+            stated[plant] = {**stated[""], **own}
+        return {plant: stated.get(plant, stated[""]) for plant in plants}
+
 
 _LIMITED: dict[str, Any] = {  # upper limits come first, then lower ones
     metric.name: (Limit, Field(None, description=f"{metric.meaning} [{metric.unit}]"))
-    for metric in sorted(all_metrics(), key=lambda metric: metric.better == "higher")
+    for metric in sorted(Metric.all(), key=lambda metric: metric.better == "higher")
     if metric.limited
 }
 Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
-
-
-def within(metric: str, values: Any, limit: float) -> Any:
-    """Return whether `values` of `metric`, a number or an array, are within `limit`; False for NaN."""
-    return values >= limit if low_is_bad(metric) else values <= limit
 
 
 @dataclass(frozen=True)
@@ -48,11 +60,32 @@ class LimitVerdict:
     limit: float
     kept: bool
 
+    @classmethod
+    def judge(cls, metrics: RunMetrics | None, limits: Mapping[str, float]) -> "tuple[LimitVerdict, ...]":
+        """Judge each of `limits`; a run without samples breaks them all."""
+        verdicts = []
+        for name, limit in limits.items():
+            value = None if metrics is None else metrics.values[name]
+            assert value is None or isinstance(value, float)  # a metric with parts has no limit
+            is_kept = value is not None and bool(Metric.is_within(name, value, limit))
+            verdicts.append(cls(name, value, limit, is_kept))
+        return tuple(verdicts)
+
+    def broken_since(self, run: Run) -> float | None:
+        """Return the time [s] from which `run` breaks the limit until its end; None if it keeps it there.
+
+        While a metric has no value, its limit counts as kept, for example a metric of rest during the motion.
+        """
+        course = metric_course(run, self.metric)
+        unbroken = np.flatnonzero(Metric.is_within(self.metric, course, self.limit) | np.isnan(course))
+        first = int(unbroken[-1]) + 1 if len(unbroken) else 0
+        return float(run.time[first]) if first < len(run.time) else None
+
     @property
     def fault(self) -> str:
         """A phrase for a run that breaks the limit."""
         value, limit = self.texts
-        unit = next(metric.unit for metric in all_metrics() if metric.name == self.metric)
+        unit = Metric.named(self.metric).unit
         return (
             f"breaks the limit {limit} {unit} of {self.metric}: {f'{value} {unit}' if value else 'no value'}"
         )
@@ -73,52 +106,9 @@ class LimitVerdict:
         """Value over limit, or limit over value if low values are bad; inf without a value."""
         if self.value is None or math.isnan(self.value):
             return math.inf
-        over, under = (self.limit, self.value) if low_is_bad(self.metric) else (self.value, self.limit)
+        over, under = (self.limit, self.value) if Metric.low_is_bad(self.metric) else (self.value, self.limit)
         return over / under if under else math.inf
 
     def to_json(self) -> dict[str, Any]:
         """Return the verdict as plain data."""
         return asdict(self)
-
-
-def limits_of(scenario: Scenario, plants: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return the limits that `scenario` sets for runs on each of `plants`, by metric.
-
-    A table with the name of a plant holds for that plant only, and replaces limits for all plants. Raises
-    InputError for unknown metrics or plants and for values that are not allowed.
-    """
-    tables = {name: value for name, value in scenario.limits.stated.items() if isinstance(value, Mapping)}
-    shared = {name: value for name, value in scenario.limits.stated.items() if name not in tables}
-    stated = {"": given_limits(shared, f"{scenario.name}, [limits]")}
-    for plant, table in tables.items():
-        PLANTS.entry(plant)  # raises InputError if it is unknown
-        own = given_limits(table, f"{scenario.name}, [limits.{plant}]")
-        stated[plant] = {**stated[""], **own}
-    return {plant: stated.get(plant, stated[""]) for plant in plants}
-
-
-def given_limits(table: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return the limits in `table` by metric; raise InputError that names `where` for wrong entries."""
-    return Limits.from_table(table, where).given
-
-
-def judge_limits(metrics: RunMetrics | None, limits: Mapping[str, float]) -> tuple[LimitVerdict, ...]:
-    """Judge each of `limits`; a run without samples breaks them all."""
-    verdicts = []
-    for name, limit in limits.items():
-        value = None if metrics is None else metrics.values[name]
-        assert value is None or isinstance(value, float)  # a metric with parts has no limit
-        is_kept = value is not None and bool(within(name, value, limit))
-        verdicts.append(LimitVerdict(name, value, limit, is_kept))
-    return tuple(verdicts)
-
-
-def broken_since(run: Run, verdict: LimitVerdict) -> float | None:
-    """Return the time [s] from which `run` breaks a limit until its end; None if it keeps it at its end.
-
-    While a metric has no value, its limit counts as kept, for example a metric of rest during the motion.
-    """
-    course = metric_course(run, verdict.metric)
-    unbroken = np.flatnonzero(within(verdict.metric, course, verdict.limit) | np.isnan(course))
-    first = int(unbroken[-1]) + 1 if len(unbroken) else 0
-    return float(run.time[first]) if first < len(run.time) else None

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.plants import DRIVES, Drive
-from cranectl.reference import HoldPath, SplinePath, build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Drawing, ReferenceSettings, Scenario
 from cranectl.signals import COLUMN
 from cranectl.simulate import has_signal_path
@@ -14,12 +14,10 @@ from cranectl.support import Array
 
 FLAG_COLUMN = COLUMN.path_command + 3  # first of the three flags of saturation in the record of a signal path
 NO_FLAGS = -1  # column of a run without a signal path
-BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
-RESTS = 0.01  # share of a spline's largest speed, below which it counts as at rest
 
 
 class MetricsSetup(NamedTuple):
-    """Constants of `accumulate`."""
+    """Constants of an accumulator."""
 
     rest_ns: float  # time from which the reference rests until its end
     direction: Array  # (3,) unit vector of its last motion; zero if it never moves
@@ -37,8 +35,8 @@ class MetricsSetup(NamedTuple):
 def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_COLUMN) -> MetricsSetup:
     """Return the setup of the metrics for runs of `scenario` with `drive`.
 
-    `flag_column` is the column of the first flag of saturation in the `commands` of `accumulate`. The default
-    is right for the record of the signal path. It has no effect for a scenario without a signal path.
+    `flag_column` is the column of the first flag of saturation in the `commands` of `Accumulator.add`. The
+    default is right for the record of the signal path. It has no effect for a scenario without a signal path.
     """
     rig = scenario.rig
     has_friction = not DRIVES[drive].is_prescribed
@@ -64,15 +62,6 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
 @functools.lru_cache(maxsize=64)
 def _rest(settings: ReferenceSettings) -> tuple[float, tuple[float, float, float]]:
     """Return the time [ns] from which the reference rests, and the unit vector of its last motion."""
-    trajectory = build_trajectory(settings)
-    moving = [k for k, path in enumerate(trajectory.paths) if not isinstance(path, HoldPath)]
-    if not moving:
-        return 0.0, (0.0, 0.0, 0.0)
-    path = trajectory.paths[moving[-1]]
-    velocity = path.sample(np.array([(1.0 - BEFORE_END) * path.duration]))[0, 1]
-    if isinstance(path, SplinePath):  # a recorded motion may rest before its end, except for noise
-        velocities = path.sample(np.linspace(0.0, path.duration, 1001))[:, 1]
-        speeds = np.linalg.norm(velocities, axis=1)
-        velocity = velocities[np.flatnonzero(speeds >= RESTS * speeds.max())[-1]]
-    x, y, z = (velocity / (np.linalg.norm(velocity) or 1.0)).tolist()
-    return float(round(trajectory.joints[moving[-1] + 1] * NANOSECONDS)), (x, y, z)
+    end, direction = Trajectory.of(settings).last_motion
+    x, y, z = direction.tolist()
+    return float(round(end * NANOSECONDS)), (x, y, z)

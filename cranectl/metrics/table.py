@@ -22,8 +22,8 @@ from cranectl.support import Array, Extensions
 Value = float | tuple[float | None, ...] | None  # a number, a number for each part, or no value
 
 # Adds consecutive samples to the metric's own numbers, with the arguments (setup, own, time_ns, record,
-# reference, commands) of `accumulate`. The result must not depend on the division of a run into blocks, and
-# blocks may be empty.
+# reference, commands) of `Accumulator.add`. The result must not depend on the division of a run into blocks,
+# and blocks may be empty.
 Kernel = Callable[[MetricsSetup, Array, NDArray[np.int64], Array, Array, Array], None]
 
 
@@ -84,6 +84,28 @@ class Metric:
     def columns(self) -> tuple[str, ...]:
         """Names of its columns in flat tables."""
         return tuple(f"{self.name}_{part}" for part in self.parts) or (self.name,)
+
+    @staticmethod
+    @functools.cache
+    def all() -> "tuple[Metric, ...]":
+        """Return the metrics of cranectl and of installed packages; raise InputError for invalid ones."""
+        own = {metric.name: metric for metric in METRICS}
+        return tuple(Extensions.METRICS.join(own, Metric, taken=TAKEN).values())
+
+    @staticmethod
+    def named(name: str) -> "Metric":
+        """Return the metric of this name."""
+        return next(metric for metric in Metric.all() if metric.name == name)
+
+    @staticmethod
+    def low_is_bad(column: str) -> bool:
+        """Return True if low values are bad in this column of a metric."""
+        return any(metric.better == "higher" for metric in Metric.all() if column in metric.columns)
+
+    @staticmethod
+    def is_within(column: str, values: Any, limit: float) -> Any:
+        """Return whether values in a column, a number or an array, are within `limit`; False for NaN."""
+        return values >= limit if Metric.low_is_bad(column) else values <= limit
 
 
 TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "reason", "end_s")
@@ -224,15 +246,3 @@ METRICS = (
            _total("outside_time"), "lower", DRIVES, Row("time outside x_c y_c l", 3, 21)),
 )
 # fmt: on
-
-
-@functools.cache
-def all_metrics() -> tuple[Metric, ...]:
-    """Return all metrics, those of cranectl and of installed packages; raise InputError for invalid ones."""
-    own = {metric.name: metric for metric in METRICS}
-    return tuple(Extensions.METRICS.join(own, Metric, taken=TAKEN).values())
-
-
-def low_is_bad(column: str) -> bool:
-    """Return True if low values are bad in this column of a metric."""
-    return any(metric.better == "higher" for metric in all_metrics() if column in metric.columns)

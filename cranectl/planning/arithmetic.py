@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.reference import Series, expand_about, gather, select_between, shift_powers
+from cranectl.reference import Series
 from cranectl.support import Array
 
 LIBRARY_ERROR = 1e-15  # of NumPy's sine and cosine and a sum with them: four times the largest error
@@ -90,6 +90,32 @@ class Interval:
         """Return the numbers that both intervals contain."""
         return Interval(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
+    def expand_about(self, coefficients: Array, count: int) -> list[Series]:
+        """Expand about the middle, then about all of the interval, so that large terms cancel."""
+        s = self[:, None]
+        middle = 0.5 * (s.low + s.high)
+        about, step = Series.about(Interval(middle, middle) - 0.5, list(coefficients)), s - middle
+        expanded = Series()
+        for k in range(min(count, len(about))):
+            value = about[-1] * float(comb(len(about) - 1, k))
+            for j in range(len(about) - 2, k - 1, -1):
+                value = value * step + about[j] * float(comb(j, k))
+            expanded.append(value)
+        return [Series(coefficient[:, axis] for coefficient in expanded.padded(count)) for axis in range(3)]
+
+    def select_between(self, low: float, high: float) -> "tuple[NDArray[np.intp], Interval]":
+        """Return the indices of the intervals that meet the one from `low` to `high`, and what is inside."""
+        index = np.flatnonzero((self.low <= high) & (self.high >= low))
+        return index, self[index].intersect(Interval(np.array(low), np.array(high)))
+
+    def gather(self, parts: "list[tuple[NDArray[np.intp], Interval]]") -> "Interval":
+        """Combine segments; return the hull where a point lies on several."""
+        low, high = np.full(len(self.low), np.inf), np.full(len(self.low), -np.inf)
+        for index, part in parts:
+            low[index] = np.minimum(low[index], part.low)
+            high[index] = np.maximum(high[index], part.high)
+        return Interval(low, high)
+
 
 Operand = Interval | Array | float
 
@@ -117,37 +143,6 @@ def unbound_nan(number: Interval) -> Interval:
         np.where(np.isnan(number.low), -np.inf, number.low),
         np.where(np.isnan(number.high), np.inf, number.high),
     )
-
-
-@expand_about.register
-def _(s: Interval, coefficients: Array, count: int) -> list[Series]:
-    """Expand about the middle, then about all of the interval, so that large terms cancel."""
-    s = s[:, None]
-    middle = 0.5 * (s.low + s.high)
-    about, step = shift_powers(list(coefficients), Interval(middle, middle) - 0.5), s - middle
-    expanded = Series()
-    for k in range(min(count, len(about))):
-        value = about[-1] * float(comb(len(about) - 1, k))
-        for j in range(len(about) - 2, k - 1, -1):
-            value = value * step + about[j] * float(comb(j, k))
-        expanded.append(value)
-    return [Series(coefficient[:, axis] for coefficient in expanded.padded(count)) for axis in range(3)]
-
-
-@select_between.register
-def _(s: Interval, low: float, high: float) -> tuple[NDArray[np.intp], Interval]:
-    index = np.flatnonzero((s.low <= high) & (s.high >= low))
-    return index, s[index].intersect(Interval(np.array(low), np.array(high)))
-
-
-@gather.register
-def _(like: Interval, parts: list[tuple[NDArray[np.intp], Interval]]) -> Interval:
-    """Return the hull where a point lies on several segments."""
-    low, high = np.full(len(like.low), np.inf), np.full(len(like.low), -np.inf)
-    for index, part in parts:
-        low[index] = np.minimum(low[index], part.low)
-        high[index] = np.maximum(high[index], part.high)
-    return Interval(low, high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,6 +196,30 @@ class Gradient:
     def sin(self) -> "Gradient":
         return Gradient(np.sin(self.value), np.cos(self.value)[:, None] * self.slope)
 
+    def expand_about(self, coefficients: Array, count: int) -> list[Series]:
+        """Return the coefficients about each value, with their gradients."""
+        expanded = Series.about(self.value[:, None] - 0.5, list(coefficients)).padded(count + 1)
+        slopes = [(k + 1) * power for k, power in enumerate(expanded[1:])]
+        return [
+            Series(
+                Gradient(value[:, axis], slope[:, axis, None] * self.slope)
+                for value, slope in zip(expanded, slopes, strict=False)
+            )
+            for axis in range(3)
+        ]
+
+    def select_between(self, low: float, high: float) -> "tuple[NDArray[np.intp], Gradient]":
+        """Return the indices of the values from `low` to `high`, and the numbers there."""
+        index = np.flatnonzero((self.value >= low) & (self.value < high))
+        return index, self[index]
+
+    def gather(self, parts: "list[tuple[NDArray[np.intp], Gradient]]") -> "Gradient":
+        """Combine segments, of which each point lies on one."""
+        gathered = Gradient(np.empty_like(self.value), np.empty(self.slope.shape))
+        for index, part in parts:
+            gathered.value[index], gathered.slope[index] = part.value, part.slope
+        return gathered
+
 
 def inputs(columns: Array) -> list[Gradient]:
     """Return each column of (N, M) as an independent input."""
@@ -209,28 +228,3 @@ def inputs(columns: Array) -> list[Gradient]:
         Gradient(column, np.broadcast_to(row, (len(column), len(row))))
         for column, row in zip(columns.T, unit, strict=True)
     ]
-
-
-@expand_about.register
-def _(s: Gradient, coefficients: Array, count: int) -> list[Series]:
-    expanded = shift_powers(list(coefficients), s.value[:, None] - 0.5).padded(count + 1)
-    slopes = [(k + 1) * power for k, power in enumerate(expanded[1:])]
-    return [
-        Series(
-            Gradient(value[:, axis], slope[:, axis, None] * s.slope)
-            for value, slope in zip(expanded, slopes, strict=False)
-        )
-        for axis in range(3)
-    ]
-
-
-@select_between.register
-def _(s: Gradient, low: float, high: float) -> tuple[NDArray[np.intp], Gradient]:
-    index, _ = select_between(s.value, low, high)
-    return index, s[index]
-
-
-@gather.register
-def _(like: Gradient, parts: list[tuple[NDArray[np.intp], Gradient]]) -> Gradient:
-    values, slopes = ([(index, getattr(part, name)) for index, part in parts] for name in ("value", "slope"))
-    return Gradient(gather(like.value, values), gather(np.empty(like.slope.shape), slopes))

@@ -4,11 +4,12 @@ Enclosures prove that path and blend are at most `blend` apart at equal lengths.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from cranectl.planning.arithmetic import Interval
-from cranectl.reference import LineOrArc, Number, Series, blend_corner, derivatives_at, parts_of
+from cranectl.reference import Geometry, Series
 from cranectl.scenario import Arc, BlendedPath, Line, Segment
 from cranectl.support import Array, InputError
 
@@ -19,16 +20,16 @@ SQUARES_ROUNDING = 1e-12  # of squares, their sum and its root
 MAX_TURN = np.deg2rad(170.0)  # of a corner that can be blended
 
 
-def deviation(before: LineOrArc, after: LineOrArc, length: float, *, enclosed: bool = True) -> float:
+def deviation(before: Geometry, after: Geometry, length: float, *, enclosed: bool = True) -> float:
     """Return the largest distance of blend and path at equal lengths [m]: a proven bound, or at samples."""
-    smooth = blend_corner(before, after, length)
+    smooth = before.blend_into(after, length)
     edges = np.linspace(0.0, 0.5, HALF_BLEND_PIECES + 1)
     middle, width = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
     largest = 0.0
     for part, begin, offset in ((before, 0.0, 1.0 - length / before.length), (after, 0.5, 0.0)):
         scale = 2.0 * length / part.length
 
-        def difference(u: Number, one: Number) -> list[Series]:
+        def difference(u: Any, one: Any) -> list[Series]:
             along = Series([(u - begin) * scale + offset, one * scale])  # noqa: B023
             both = zip(smooth([Series([u, one])]), part([along]), strict=True)  # noqa: B023
             return [x - y for x, y in both]
@@ -45,9 +46,9 @@ def deviation(before: LineOrArc, after: LineOrArc, length: float, *, enclosed: b
     return largest * (1.0 + SQUARES_ROUNDING)
 
 
-def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:
+def check_corner(before: Geometry, after: Geometry, where: str) -> None:
     """Raise InputError for a corner at which the path turns back."""
-    directions = derivatives_at(before, 1.0)[1], derivatives_at(after, 0.0)[1]
+    directions = before.derivatives(1.0)[1], after.derivatives(0.0)[1]
     turn = float(np.arctan2(np.linalg.norm(np.cross(*directions)), np.dot(*directions)))
     if turn > MAX_TURN:
         raise InputError(
@@ -57,7 +58,7 @@ def check_corner(before: LineOrArc, after: LineOrArc, where: str) -> None:
         )
 
 
-def choose_blend_length(before: LineOrArc, after: LineOrArc, tolerance: float) -> float:
+def choose_blend_length(before: Geometry, after: Geometry, tolerance: float) -> float:
     """Return the longest blend [m] within `tolerance` [m]: from samples, then reduced until it is proven."""
 
     def is_near(length: float) -> bool:
@@ -89,7 +90,7 @@ def check_follower(segment: Segment | None, where: str) -> None:
 
 def path_with_blends(segments: Sequence[Line | Arc], start: Array, where: str) -> BlendedPath:
     """Join segments by blends as long as their tolerances allow; raise InputError for impossible corners."""
-    parts = parts_of(segments, start, where)
+    parts = Geometry.parts_of(segments, start, where)
     lengths = []
     for index, (before, after, segment) in enumerate(zip(parts, parts[1:], segments, strict=False)):
         check_corner(before, after, f"{where}: corner {index + 1}")

@@ -24,7 +24,7 @@ from cranectl.planning.programs import PENALTIES, ProgramBudget, solve
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
 from cranectl.planning.route import GUESS_POINTS
 from cranectl.planning.shortest import NEAR_REST_DURATION, bisect_duration
-from cranectl.reference import PLANNED_DEGREE, Geometry, Law, Series, time_law
+from cranectl.reference import Geometry, Series, TimeLaw
 from cranectl.support import Array
 
 SPANS, SPANS_ALONG = 24, 40  # of free motions, of motions along a path
@@ -76,18 +76,18 @@ class FastestMotion(NamedTuple):
 
 def along_path(geometry: Geometry, limits: Limits, duration: float) -> Task:
     """Return the task of a motion along a path, whose motion by the law of degree 9 lasts `duration` [s]."""
-    guess = time_law("degree-9", np.linspace(0.0, 1.0, GUESS_POINTS))[0][:, None]
+    guess = TimeLaw().sample(np.linspace(0.0, 1.0, GUESS_POINTS))[0][:, None]
     ends = np.zeros(1), np.ones(1)
     return Task(*ends, geometry, limits, guess, duration, SPANS_ALONG, is_monotone=True)
 
 
-def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[Law, float, float]]) -> Task:
+def along_parts(geometry: Geometry, limits: Limits, stopping: Sequence[tuple[TimeLaw, float, float]]) -> Task:
     """Return the task along blended parts, from law, duration [s] and length [m] of each part with stops."""
     durations, lengths = (np.array([part[k] for part in stopping]) for k in (1, 2))
     begins = np.cumsum(durations) - durations
     time = np.linspace(0.0, durations.sum(), GUESS_POINTS)
     guess = sum(
-        length / lengths.sum() * time_law(stop_law, np.clip((time - begin) / duration, 0.0, 1.0), 1)[0]
+        length / lengths.sum() * stop_law.sample(np.clip((time - begin) / duration, 0.0, 1.0), 1)[0]
         for (stop_law, duration, length), begin in zip(stopping, begins, strict=True)
     )
     ends = np.zeros(1), np.ones(1)
@@ -142,7 +142,7 @@ def _minimum_time(
             if isinstance(task.to_load, FreeCoordinates):  # prove the very spline that is returned
                 coefficients, to_load = task.to_load.points(coefficients), None
             breaks = np.linspace(0.0, duration, task.spans + 1)
-            proof = prove(breaks, coefficients, PLANNED_DEGREE, task.limits, to_load)
+            proof = prove(breaks, coefficients, TimeLaw.DEGREE, task.limits, to_load)
             if proof.is_valid:
                 return FastestMotion(duration, coefficients, proof)
             if not any(violation.certain for violation in proof.violations):
@@ -168,7 +168,7 @@ def _excesses(task: Task, duration: float, coefficients: Array, samples_per_span
     """Return the excess over each limit, as a share of it, at `samples_per_span`."""
     breaks = np.linspace(0.0, duration, task.spans + 1)
     time = np.linspace(0.0, duration, task.spans * samples_per_span + 1)
-    coordinates = series_along(breaks, coefficients, PLANNED_DEGREE, time)
+    coordinates = series_along(breaks, coefficients, TimeLaw.DEGREE, time)
     return excesses(motion(task.to_load(coordinates), task.limits.gravity), task.limits)
 
 

@@ -29,29 +29,17 @@ from cranectl.planning.shortest import (
     find_limiting_constraint,
     find_shortest_duration,
 )
-from cranectl.reference import (
-    PLANNED_DEGREE,
-    Straight,
-    check_length,
-    end_point,
-    fit_samples,
-    geometry_of,
-    interpolate_way_points,
-    parts_of,
-    position_at,
-    time_law_of,
-)
+from cranectl.reference import Geometry, TimeLaw, Trajectory, spline_segments
 from cranectl.scenario import (
     Along,
     Arc,
     BlendedPath,
+    FromFile,
     Line,
     Move,
-    Samples,
     Scenario,
     Segment,
     Spline,
-    WayPoints,
 )
 from cranectl.support import Array, InputError, kept
 
@@ -82,9 +70,9 @@ def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
         ready = [segment] if segment.is_planned else _prepare(segment, point, scenario, directory, where)
         for planned in ready:
             segments.append(planned)
-            point = end_point(planned, point)
+            point = Trajectory.end_of(planned, point)
     length = sum(segment.seconds for segment in segments)
-    check_length(length, scenario, f"{scenario.name}: the segments last", "leave segments out")
+    scenario.check_reference_fits(length, f"{scenario.name}: the segments last", "leave segments out")
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     # The share of the plan stays, even if a run adds effects.
     planning = scenario.planning.model_copy(update={"share": share_of(scenario)})
@@ -94,10 +82,8 @@ def plan_segments(scenario: Scenario, directory: Path) -> Scenario:
 def _prepare(
     segment: Segment, start: Array, scenario: Scenario, directory: Path, where: str
 ) -> Sequence[Segment]:
-    if isinstance(segment, Samples):
-        return [fit_samples(segment, start, scenario, directory, where)]
-    if isinstance(segment, WayPoints):
-        ready = interpolate_way_points(segment, start, scenario, directory, where)
+    if isinstance(segment, FromFile):
+        ready = spline_segments(segment, start, scenario, directory, where)
         if all(segment.is_planned for segment in ready):
             return ready
         (segment,) = ready
@@ -133,7 +119,7 @@ def _plan_as_json(segment: Along | Spline | Move, start: Array, scenario: Scenar
     plans = []
     for planned in segments:
         plans.append((planned, claim_for(planned, start, scenario)))
-        start = end_point(planned, start)
+        start = Trajectory.end_of(planned, start)
     return _PLANS.dump_json(plans).decode()
 
 
@@ -146,10 +132,10 @@ def limits_for(length: float, scenario: Scenario) -> Limits:
 
 def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where: str) -> Along | Spline:
     """Plan a segment on a given path, by the law of degree 9 unless the search finds a faster one."""
-    geometry = geometry_of(segment, start, where)
+    geometry = Geometry.of(segment, start, where)
     limits = limits_for(geometry.length, scenario)
     check_point(start, limits, f"{where}: its start")
-    end = position_at(geometry, 1.0)
+    end = geometry.position(1.0)
     check_point(end, limits, f"{where}: its end")
     check_least_time(start, end, limits, where)
     quickest = np.inf
@@ -168,14 +154,14 @@ def plan_along(segment: Along | Spline, start: Array, scenario: Scenario, where:
 def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """Plan one motion along all parts. Return the parts with a stop at each corner if that is as fast."""
     stopping: list[Along | Spline] = []
-    parts = parts_of(segment.parts, start, where)
+    parts = Geometry.parts_of(segment.parts, start, where)
     for index, (part, path) in enumerate(zip(segment.parts, parts, strict=True)):
         alone = part.model_copy(update={"blend": 0.0})
         stopping.append(plan_along(alone, path.start, scenario, f"{where}, part {index + 1}"))
-    geometry = geometry_of(segment, start, where)
+    geometry = Geometry.of(segment, start, where)
     limits = limits_for(geometry.length, scenario)
     time_laws = [
-        (time_law_of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
+        (TimeLaw.of(part), part.seconds, path.length) for part, path in zip(stopping, parts, strict=True)
     ]
     motion = _find_faster(along_parts(geometry, limits, time_laws), scenario)
     if motion and motion.duration <= Scenario.MAX_SECONDS:
@@ -195,7 +181,7 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     limits = limits_for(size, scenario)
     _check_move(segment, points, limits, where)
     corners = add_stops(points, limits, where)
-    lines = [Straight(begin, end) for begin, end in itertools.pairwise(corners)]
+    lines = [Geometry.straight(begin, end) for begin, end in itertools.pairwise(corners)]
     durations = [find_shortest_duration(geometry, limits, where) for geometry in lines]
     quickest = longest = sum(durations)
     if segment.duration is None:
@@ -227,7 +213,7 @@ def _distinct_points(segment: Move, start: Array) -> list[Array]:
 
 
 def _spline_segment(segment: Move, motion: FastestMotion) -> Spline:
-    breaks = np.linspace(0.0, motion.duration, len(motion.coefficients) - PLANNED_DEGREE + 1)
+    breaks = np.linspace(0.0, motion.duration, len(motion.coefficients) - TimeLaw.DEGREE + 1)
     return Spline(
         kind="spline",
         degree=7,

@@ -13,14 +13,14 @@ Limits hold at samples; `proof` covers the time between them.
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cranectl.planning.arithmetic import inputs
 from cranectl.planning.edges import Edge, edge_excesses
 from cranectl.planning.limits import Constraint, Limits, constraints, motion, side_distances
-from cranectl.reference import PLANNED_DEGREE, Number, Series, derivatives, spline
+from cranectl.reference import Series, TimeLaw, derivatives, spline
 from cranectl.support import Array
 
 ORDERS = 6  # position and five derivatives, since the rate of the set-points contains the fifth
@@ -89,7 +89,7 @@ class BoundedConstraint(NamedTuple):
     bound: float | None
     sign: float
 
-    def excess(self) -> Number:
+    def excess(self) -> Any:
         """Return the excess over the bound as a share of its scale (N,), or an effort itself."""
         value = self.constraint.series[0] - (self.bound or 0.0)
         return value * (self.sign / self.constraint.scale)
@@ -102,10 +102,10 @@ class Problem:
         """Set up limits at `samples` (N,), fractions of the duration, and `passage_samples` per passage."""
         self.task = task
         spans, count = task.spans, len(task.instants)
-        whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + PLANNED_DEGREE), PLANNED_DEGREE)
+        whole = spline(np.linspace(0.0, 1.0, spans + 1), np.eye(spans + TimeLaw.DEGREE), TimeLaw.DEGREE)
         self.curves = derivatives(whole, ORDERS)
-        self.free = slice(REST_COEFFICIENTS, spans + PLANNED_DEGREE - REST_COEFFICIENTS)
-        self.width = (spans + PLANNED_DEGREE - 2 * REST_COEFFICIENTS) * len(task.start)  # free coefficients
+        self.free = slice(REST_COEFFICIENTS, spans + TimeLaw.DEGREE - REST_COEFFICIENTS)
+        self.width = (spans + TimeLaw.DEGREE - 2 * REST_COEFFICIENTS) * len(task.start)  # free coefficients
         self.groups = [SampleGroup(samples, np.zeros((len(samples), count)), self._bounded_constraints)]
         self.groups += [self._via_point_samples(index, point) for index, point in enumerate(task.via)]
         self.groups += [self._passage_samples(passage, passage_samples) for passage in task.passages]
@@ -235,7 +235,7 @@ class Problem:
             )
         return by_x.reshape(len(flat), ORDERS * d, -1)
 
-    def series_of(self, flat: Sequence[Number]) -> list[Series]:
+    def series_of(self, flat: Sequence[Any]) -> list[Series]:
         """Return the coordinates' series from their derivatives in time, order by order."""
         d = len(self.task.start)
         return [Series.from_derivatives(flat[j::d]) for j in range(d)]

@@ -12,7 +12,7 @@ from cranectl.planning.limits import Constraint, constraints, key_of, limits_of,
 from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE
-from cranectl.reference import PLANNED_DEGREE, end_point, geometry_of, parts_of, spline
+from cranectl.reference import Geometry, TimeLaw, Trajectory, spline
 from cranectl.scenario import Arc, BlendedPath, Line, Scenario, Segment, Spline
 from cranectl.support import Array, InconsistentError
 
@@ -87,7 +87,7 @@ def reviews(scenario: Scenario) -> list[Review]:
     for index, segment in enumerate(scenario.reference.segments):
         if request := describe_planning(segment):
             result.append(_review(scenario, index, request, segment, start=point, start_time=start_time))
-        point, start_time = end_point(segment, point), start_time + segment.seconds
+        point, start_time = Trajectory.end_of(segment, point), start_time + segment.seconds
     return result
 
 
@@ -139,12 +139,12 @@ def curve_of(segment: Segment, start: Array) -> SegmentCurve:
     if isinstance(segment, Spline) and segment.time_law is None:
         return SegmentCurve(np.array(segment.breaks), np.array(segment.coefficients), segment.degree, None)
     assert isinstance(segment, Line | Arc | BlendedPath | Spline)
-    to_load = geometry_of(segment, start)
+    to_load = Geometry.of(segment, start)
     duration = segment.seconds
     if segment.planned_law is not None:
         coefficients = np.array(segment.planned_law)[:, None]
-        spans = len(coefficients) - PLANNED_DEGREE
-        return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, PLANNED_DEGREE, to_load)
+        spans = len(coefficients) - TimeLaw.DEGREE
+        return SegmentCurve(np.linspace(0.0, duration, spans + 1), coefficients, TimeLaw.DEGREE, to_load)
     return SegmentCurve(np.array([0.0, duration]), DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE, to_load)
 
 
@@ -196,7 +196,7 @@ def check_duration(least: float, duration: float, request: str) -> None:
 
 def _marked_points(segment: Segment, start: Array) -> Array:
     if isinstance(segment, BlendedPath):
-        return np.array([part.start for part in parts_of(segment.parts, start)[1:]])
+        return np.array([part.start for part in Geometry.parts_of(segment.parts, start)[1:]])
     if isinstance(segment, Spline) and segment.time_law is not None:
         breaks = np.array(segment.breaks)
         points: Array = spline(breaks, np.array(segment.coefficients), segment.degree)(breaks[1:-1])

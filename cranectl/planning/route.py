@@ -9,7 +9,7 @@ from cranectl.planning.checks import check_height_over
 from cranectl.planning.limits import SIDES, Box, Limits, clearance, motion
 from cranectl.planning.problem import Passage
 from cranectl.planning.proof import PROOF_MARGIN
-from cranectl.reference import Series, time_law
+from cranectl.reference import Series, TimeLaw
 from cranectl.support import Array
 
 GUESS_POINTS = 401
@@ -64,7 +64,7 @@ def round_corners(points: list[Array]) -> Array:
     half = max(1, int(ROUNDED_SHARE / 2 / (fine[1] - fine[0]))) if len(points) > 2 else 0
     kernel = np.ones(2 * half + 1) / (2 * half + 1)
     smooth = np.stack([np.convolve(column, kernel, mode="same") for column in path.T], axis=1)
-    progress = time_law("degree-9", np.linspace(0.0, 1.0, GUESS_POINTS))[0]
+    progress = TimeLaw().sample(np.linspace(0.0, 1.0, GUESS_POINTS))[0]
     return np.stack([np.interp(progress, fine, column) for column in smooth.T], axis=1)
 
 

@@ -8,7 +8,7 @@ from cranectl.planning.checks import MAX_TRIED_DURATION, check_excesses
 from cranectl.planning.limits import Limits, excesses, motion
 from cranectl.planning.problem import ORDERS
 from cranectl.planning.proof import PROOF_MARGIN, Proof, prove
-from cranectl.reference import Geometry, Series, time_law
+from cranectl.reference import Geometry, Series, TimeLaw
 from cranectl.scenario import Scenario
 
 TIME_LAW_DEGREE = 9
@@ -86,7 +86,7 @@ def prove_time_law(geometry: Geometry, limits: Limits, duration: float) -> Proof
 
 def peak_excesses(geometry: Geometry, limits: Limits, duration: float) -> dict[str, float]:
     """Return the peak excess over each limit at samples, as a share of it; negative values are slack."""
-    progress = time_law("degree-9", np.linspace(0.0, 1.0, SAMPLES), ORDERS)
+    progress = TimeLaw().sample(np.linspace(0.0, 1.0, SAMPLES), ORDERS)
     in_time = progress * (duration ** -np.arange(float(ORDERS)))[:, None]
     crane_motion = motion(geometry([Series.from_derivatives(list(in_time))]), limits.gravity)
     return {name: float(over.max()) - PROOF_MARGIN for name, over in excesses(crane_motion, limits).items()}

@@ -11,10 +11,11 @@ from math import sqrt
 from typing import NamedTuple
 
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario import RigParameters, Scenario, longest_step, nanoseconds
+from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 
 STEPS_PER_TIME = 20.0  # in the shortest lag, and in the swing's 1 / ω
 SWEPT_ROPE = 1.4  # [m]; longest rope of the crane with the most violent runs of the sweep
+MIN_STEP_NS = 1000
 SIZE_POWER = 0.25  # a load that errs by h⁴ times its rope's length
 
 
@@ -60,6 +61,14 @@ class PhysicsStep(NamedTuple):
     def is_short_enough(self) -> bool:
         """Whether the step keeps the condition under which all plants agree."""
         return self.seconds <= self.longest * (1.0 + self.scenario.control.STEP_ROUNDING)
+
+    def refined(self, times: int) -> Scenario | None:
+        """Return the scenario with `times` as many steps, or None if that needs fractions of nanoseconds."""
+        step_ns, rest = divmod(self.scenario.period_ns, self.per_period * times)
+        if rest or step_ns < MIN_STEP_NS:
+            return None
+        control = self.scenario.control.model_copy(update={"physics_step": step_ns / NANOSECONDS})
+        return self.scenario.model_copy(update={"control": control})
 
     def stated(self) -> Scenario:
         """Return the scenario with this step stated, as records and logs have it."""

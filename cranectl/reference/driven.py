@@ -38,6 +38,46 @@ class HandLimits(NamedTuple):
     low: Array  # (3,) corner of the box [m]
     high: Array  # (3,)
 
+    @staticmethod
+    def rest_state(point: Array) -> Array:
+        """Return the state of a load at rest at `point` (3,): shape (3, STATES)."""
+        state = np.zeros((3, STATES))
+        state[:, 0] = point
+        return state
+
+    @staticmethod
+    def commands_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
+        """Return the command that holds at each of `samples` (n,), from `changes` in ascending order."""
+        first = [-1, *(sample for sample, _ in changes)]
+        commands = np.array([(0.0,) * COMMAND_SIZE, *(command for _, command in changes)])
+        rows: Array = commands[np.searchsorted(first, samples, side="right") - 1]
+        return rows
+
+    def drive(self, period: float, state: Array, commands: Array) -> Array:
+        """Advance `state` (3, STATES) in place by one sample for each row of `commands` (n, COMMAND_SIZE).
+
+        Return the states before each command acts: shape (n, 3, STATES).
+        """
+        states = np.empty((len(commands), 3, STATES))
+        _drive(*self, period, transition(self.bandwidth, period), state, commands, states)
+        return states
+
+    def stopping_points(self, states: Array) -> Array:
+        """Return where loads in `states` (n, 3, STATES) come to rest once released: shape (n, 3) [m]."""
+        stop: Array = states[..., 0] + states[..., 1:].sum(axis=-1) / self.bandwidth
+        return stop
+
+    def derivatives(self, states: Array) -> Array:
+        """Return position and four derivatives of `states` (n, 3, STATES): shape (n, 5, 3)."""
+        z, one, two, three, four = np.moveaxis(states, -1, 0)
+        omega = self.bandwidth
+        rows = np.empty((len(states), 5, 3))
+        rows[:, 0], rows[:, 1] = z, four
+        rows[:, 2] = omega * (three - four)
+        rows[:, 3] = omega**2 * (two - 2.0 * three + four)
+        rows[:, 4] = omega**3 * (one - 3.0 * two + 3.0 * three - four)
+        return rows
+
 
 @dataclass(frozen=True)
 class DrivenPath:
@@ -53,10 +93,10 @@ class DrivenPath:
     def _states(self) -> Array:
         """States at all samples, at rest at the last: shape (N + 1, 3, STATES)."""
         samples = round(self.duration / self.period)
-        commands = commands_at(self.changes, np.arange(samples + 1))
-        state = rest_state(self.start)
-        states = drive(self.limits, self.period, state, commands)
-        states[-1] = rest_state(stopping_points(self.limits, states[-1:])[0])
+        commands = self.limits.commands_at(self.changes, np.arange(samples + 1))
+        state = self.limits.rest_state(self.start)
+        states = self.limits.drive(self.period, state, commands)
+        states[-1] = self.limits.rest_state(self.limits.stopping_points(states[-1:])[0])
         return states
 
     def sample(self, time: Array) -> Array:
@@ -66,40 +106,15 @@ class DrivenPath:
         states = self._states[index]
         for k in np.flatnonzero(time - index * self.period > SAMPLE_TOLERANCE):
             states[k] = self._between(index[k], float(time[k] - index[k] * self.period))
-        return driven_derivatives(self.limits, states)
+        return self.limits.derivatives(states)
 
     def _between(self, sample: int, seconds: float) -> Array:
-        commands = commands_at(self.changes, np.array([sample]))
+        commands = self.limits.commands_at(self.changes, np.array([sample]))
         state = self._states[sample].copy()
         velocity = np.empty(3)
         _limit_velocities(*self.limits, self.period, state, commands[0], velocity)
         next_state: Array = np.column_stack([state, velocity]) @ transition(self.limits.bandwidth, seconds).T
         return next_state
-
-
-def rest_state(point: Array) -> Array:
-    """Return the state of a load at rest at `point` (3,): shape (3, STATES)."""
-    state = np.zeros((3, STATES))
-    state[:, 0] = point
-    return state
-
-
-def commands_at(changes: Sequence[tuple[int, tuple[float, ...]]], samples: NDArray[np.intp]) -> Array:
-    """Return the command that holds at each of `samples` (n,), from `changes` in ascending order."""
-    first = [-1, *(sample for sample, _ in changes)]
-    commands = np.array([(0.0,) * COMMAND_SIZE, *(command for _, command in changes)])
-    rows: Array = commands[np.searchsorted(first, samples, side="right") - 1]
-    return rows
-
-
-def drive(limits: HandLimits, period: float, state: Array, commands: Array) -> Array:
-    """Advance `state` (3, STATES) in place by one sample for each row of `commands` (n, COMMAND_SIZE).
-
-    Return the states before each command acts: shape (n, 3, STATES).
-    """
-    states = np.empty((len(commands), 3, STATES))
-    _drive(*limits, period, transition(limits.bandwidth, period), state, commands, states)
-    return states
 
 
 @functools.lru_cache(maxsize=8)
@@ -115,24 +130,6 @@ def transition(bandwidth: float, seconds: float) -> Array:
         chain[lag, lag - 1 if lag > 1 else STATES] = bandwidth
     matrix: Array = expm(seconds * chain)[:STATES]
     return matrix
-
-
-def stopping_points(limits: HandLimits, states: Array) -> Array:
-    """Return where loads in `states` (n, 3, STATES) come to rest once released: shape (n, 3) [m]."""
-    stop: Array = states[..., 0] + states[..., 1:].sum(axis=-1) / limits.bandwidth
-    return stop
-
-
-def driven_derivatives(limits: HandLimits, states: Array) -> Array:
-    """Return position and four derivatives of `states` (n, 3, STATES): shape (n, 5, 3)."""
-    z, one, two, three, four = np.moveaxis(states, -1, 0)
-    omega = limits.bandwidth
-    rows = np.empty((len(states), 5, 3))
-    rows[:, 0], rows[:, 1] = z, four
-    rows[:, 2] = omega * (three - four)
-    rows[:, 3] = omega**2 * (two - 2.0 * three + four)
-    rows[:, 4] = omega**3 * (one - 3.0 * two + 3.0 * three - four)
-    return rows
 
 
 @jit

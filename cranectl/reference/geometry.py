@@ -7,18 +7,18 @@ fifth derivative of the load's motion, which acts on the drives, is continuous.
 """
 
 import itertools
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import singledispatch
 from math import factorial
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly, BSpline
 
 from cranectl.reference.series import Number, Series
-from cranectl.reference.time_laws import Law, progress, spline
+from cranectl.reference.time_laws import TimeLaw, spline
 from cranectl.scenario import Along, Arc, BlendedPath, Line, Spline
 from cranectl.support import Array, InputError
 
@@ -27,8 +27,76 @@ MAX_OVERLAP = 1e-6  # of a part's length, by which its two blends may overlap
 POINTS_PER_SPAN = 20  # of a spline, between which its length is measured
 
 
+class Geometry(ABC):
+    """The path of a load by the path coordinate s from 0 to 1."""
+
+    @property
+    @abstractmethod
+    def length(self) -> float:
+        """Length [m]."""
+
+    @abstractmethod
+    def __call__(self, coordinates: list[Series]) -> list[Series]:
+        """Return the series of x, y, z from the series of s."""
+
+    @staticmethod
+    def straight(start: Array, end: Array) -> "Straight":
+        """Return the straight line from `start` to `end` (3,) [m]."""
+        return Straight(start, end)
+
+    @staticmethod
+    def of(segment: Along | Spline, start: Array, where: str = "segment") -> "Geometry":
+        """Return the path of a segment that begins at `start` (3,) [m]; raise InputError for zero length."""
+        if isinstance(segment, Line | Arc):
+            return _line_or_arc(segment, start, where)
+        if isinstance(segment, BlendedPath):
+            return blend_corners(Geometry.parts_of(segment.parts, start, where), segment.taken)
+        # s is proportional to the spline's parameter.
+        breaks = np.array(segment.breaks)
+        curve = spline(breaks, np.array(segment.coefficients), segment.degree)
+        points = curve(np.linspace(0.0, breaks[-1], POINTS_PER_SPAN * len(breaks)))
+        length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        spans = itertools.pairwise(segment.breaks)
+        pieces = (extract_polynomial(curve, a, b, length * (b - a) / segment.breaks[-1]) for a, b in spans)
+        return Chain(tuple(pieces))
+
+    @staticmethod
+    def parts_of(
+        segments: Sequence[Line | Arc], start: Array, where: str = "segment"
+    ) -> "list[Straight | Circular]":
+        """Return the paths of consecutive lines and arcs from `start`; raise InputError for zero length."""
+        parts: list[Straight | Circular] = []
+        for index, segment in enumerate(segments):
+            part = _line_or_arc(segment, start, f"{where}, part {index + 1},")
+            parts.append(part)
+            start = part.position(1.0) if isinstance(segment, Arc) else np.array(segment.to)
+        return parts
+
+    def position(self, s: float) -> Array:
+        """Return the position of the load at s, (3,) [m]."""
+        return np.array([float(series[0][0]) for series in self([Series([np.array([s])])])])
+
+    def derivatives(self, s: float) -> Array:
+        """Return position and derivatives with respect to length at s, (MATCHED_ORDERS, 3)."""
+        along = Series([np.array([s]), np.array([1.0 / self.length])]).padded(MATCHED_ORDERS)
+        return np.array(
+            [[float(c[0]) * factorial(k) for k, c in enumerate(axis)] for axis in self([along])]
+        ).T
+
+    def blend_into(self, after: "Geometry", taken: float) -> "Polynomial":
+        """Return the blend from `taken` [m] before the end to `taken` after the start of the path `after`."""
+        ends = [self.derivatives(1.0 - taken / self.length), after.derivatives(taken / after.length)]
+        width, corner = 2.0 * taken, after.position(0.0)
+        for end in ends:
+            end *= width ** np.arange(MATCHED_ORDERS)[:, None]
+            end[0] -= corner  # differences of small numbers lose fewer digits
+        curve = extract_polynomial(BPoly.from_derivatives([0.0, 1.0], ends), 0.0, 1.0, width)
+        curve.coefficients[0] += corner
+        return curve
+
+
 @dataclass(frozen=True)
-class Straight:
+class Straight(Geometry):
     """A straight line from `start` to `end` (3,) [m]."""
 
     start: Array
@@ -52,7 +120,7 @@ class Straight:
 
 
 @dataclass(frozen=True)
-class Circular:
+class Circular(Geometry):
     """A horizontal arc from `start` about `centre` (x, y) through `angle` [rad]."""
 
     start: Array
@@ -75,15 +143,20 @@ class Circular:
 
     def part(self, begin: float, end: float) -> "Circular":
         """Return the section from s = `begin` to s = `end`."""
-        return Circular(position_at(self, begin), self.centre, (end - begin) * self.angle)
+        return Circular(self.position(begin), self.centre, (end - begin) * self.angle)
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class Polynomial(Geometry):
     """A polynomial in powers of s - 1/2."""
 
     coefficients: Array  # (degree + 1, 3) [m]
-    length: float  # approximate [m]
+    approximate_length: float  # [m]
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return self.approximate_length
 
     def __call__(self, coordinates: list[Series]) -> list[Series]:
         """Return the series of x, y, z from the series of s."""
@@ -104,42 +177,36 @@ class Polynomial:
         return load
 
 
-# These three functions serve arrays; `planning.arithmetic` registers other kinds of numbers.
-
-
-@singledispatch
 def expand_about(s: Number, coefficients: Array, count: int) -> list[Series]:
     """Return the first `count` coefficients about s of x, y, z, which are polynomials in s - 1/2.
 
-    Coefficients beyond the polynomial's degree are zero.
+    Coefficients beyond the polynomial's degree are zero. Numbers other than arrays bring methods for this and
+    for the next two functions (`planning.arithmetic`).
     """
-    expanded = shift_powers(list(coefficients), s[:, None] - 0.5).padded(count)
+    if not isinstance(s, np.ndarray):
+        own: list[Series] = s.expand_about(coefficients, count)
+        return own
+    expanded = Series.about(s[:, None] - 0.5, list(coefficients)).padded(count)
     return [Series(coefficient[:, axis] for coefficient in expanded) for axis in range(3)]
 
 
-@singledispatch
 def select_between(s: Number, low: float, high: float) -> tuple[NDArray[np.intp], Number]:
     """Return the indices of the points whose s lies on a segment from `low` to `high`, and s there."""
+    if not isinstance(s, np.ndarray):
+        own: tuple[NDArray[np.intp], Number] = s.select_between(low, high)
+        return own
     index = np.flatnonzero((s >= low) & (s < high))
     return index, s[index]
 
 
-@singledispatch
 def gather(like: Number, parts: list[tuple[NDArray[np.intp], Number]]) -> Number:
     """Combine the (indices, values) of segments into values at all points, as many as in `like`."""
+    if not isinstance(like, np.ndarray):
+        return like.gather(parts)
     value = np.empty_like(like)
     for index, part in parts:
         value[index] = part
     return value
-
-
-def shift_powers(coefficients: Sequence[Array | float], origin: Number) -> Series:
-    """Return the coefficients in powers of x - `origin` from those in powers of x, by Horner's scheme."""
-    shifted = Series(origin * 0.0 + coefficient for coefficient in coefficients)
-    for first in range(len(shifted) - 1):
-        for k in range(len(shifted) - 2, first - 1, -1):
-            shifted[k] = shifted[k] + origin * shifted[k + 1]
-    return shifted
 
 
 def extract_polynomial(curve: BPoly | BSpline, begin: float, end: float, length: float) -> Polynomial:
@@ -152,15 +219,11 @@ def extract_polynomial(curve: BPoly | BSpline, begin: float, end: float, length:
     return Polynomial(np.array(rows), length)
 
 
-LineOrArc: TypeAlias = Straight | Circular
-PathSegment = Straight | Circular | Polynomial
-
-
 @dataclass(frozen=True)
-class Chain:
+class Chain(Geometry):
     """A sequence of path segments, each with a share of s in proportion to its length."""
 
-    segments: tuple[PathSegment, ...]
+    segments: tuple[Geometry, ...]
 
     @property
     def length(self) -> float:
@@ -190,61 +253,29 @@ class Chain:
         ]
 
 
-Geometry = Straight | Circular | Chain
-
-
 @dataclass(frozen=True)
 class GeometricPath:
     """A motion along a path by a time law."""
 
     geometry: Geometry
     duration: float
-    time_law: Law
+    time_law: TimeLaw
 
     def sample(self, time: Array) -> Array:
-        load = self.geometry([Series.from_derivatives(list(progress(self.time_law, time, self.duration)))])
+        load = self.geometry([Series.from_derivatives(list(self.time_law.progress(time, self.duration)))])
         return np.array([[c * factorial(k) for k, c in enumerate(axis)] for axis in load]).transpose(2, 1, 0)
 
 
-def position_at(geometry: Geometry | Polynomial, s: float) -> Array:
-    """Return the position of the load at s, (3,) [m]."""
-    return np.array([float(series[0][0]) for series in geometry([Series([np.array([s])])])])
-
-
-def geometry_of(segment: Along | Spline, start: Array, where: str = "segment") -> Geometry:
-    """Return the path of a segment that begins at `start` (3,) [m]; raise InputError for zero length."""
-    if isinstance(segment, BlendedPath):
-        return blend_corners(parts_of(segment.parts, start, where), segment.taken)
-    if isinstance(segment, Line | Arc):
-        segment.check_moves(start, where)
+def _line_or_arc(segment: Line | Arc, start: Array, where: str) -> Straight | Circular:
+    segment.check_moves(start, where)
     if isinstance(segment, Line):
         return Straight(start, np.array(segment.to))
-    if isinstance(segment, Arc):
-        return Circular(start, np.array(segment.centre), segment.angle)
-    # s is proportional to the spline's parameter.
-    breaks = np.array(segment.breaks)
-    curve = spline(breaks, np.array(segment.coefficients), segment.degree)
-    points = curve(np.linspace(0.0, breaks[-1], POINTS_PER_SPAN * len(breaks)))
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    spans = itertools.pairwise(segment.breaks)
-    pieces = (extract_polynomial(curve, a, b, length * (b - a) / segment.breaks[-1]) for a, b in spans)
-    return Chain(tuple(pieces))
+    return Circular(start, np.array(segment.centre), segment.angle)
 
 
-def parts_of(segments: Sequence[Line | Arc], start: Array, where: str = "segment") -> list[LineOrArc]:
-    """Return the paths of consecutive lines and arcs from `start`; raise InputError for zero length."""
-    parts: list[LineOrArc] = []
-    for index, segment in enumerate(segments):
-        part = geometry_of(segment, start, f"{where}, part {index + 1},")
-        assert isinstance(part, LineOrArc)
-        parts.append(part)
-        start = position_at(part, 1.0) if isinstance(segment, Arc) else np.array(segment.to)
-    return parts
-
-
-def blend_corners(parts: Sequence[LineOrArc], taken: Sequence[float]) -> Chain:
+def blend_corners(parts: Sequence[Straight | Circular], taken: Sequence[float]) -> Chain:
     """Return the path whose blends replace `taken` [m] of both parts at each corner."""
-    segments: list[PathSegment] = []
+    segments: list[Geometry] = []
     for k, (part, before, after) in enumerate(zip(parts, (0.0, *taken), (*taken, 0.0), strict=True)):
         if before + after > part.length * (1.0 + MAX_OVERLAP):
             raise InputError(
@@ -256,23 +287,5 @@ def blend_corners(parts: Sequence[LineOrArc], taken: Sequence[float]) -> Chain:
         if end > begin:
             segments.append(part.part(begin, end))
         if after:
-            segments.append(blend_corner(part, parts[k + 1], after))
+            segments.append(part.blend_into(parts[k + 1], after))
     return Chain(tuple(segments))
-
-
-def blend_corner(before: LineOrArc, after: LineOrArc, taken: float) -> Polynomial:
-    """Return the blend from `taken` [m] before the end of one part to `taken` after the start of the next."""
-    ends = [derivatives_at(before, 1.0 - taken / before.length), derivatives_at(after, taken / after.length)]
-    width, corner = 2.0 * taken, position_at(after, 0.0)
-    for end in ends:
-        end *= width ** np.arange(MATCHED_ORDERS)[:, None]
-        end[0] -= corner  # differences of small numbers lose fewer digits
-    curve = extract_polynomial(BPoly.from_derivatives([0.0, 1.0], ends), 0.0, 1.0, width)
-    curve.coefficients[0] += corner
-    return curve
-
-
-def derivatives_at(part: LineOrArc, s: float) -> Array:
-    """Return position and derivatives with respect to length at s, (MATCHED_ORDERS, 3)."""
-    along = Series([np.array([s]), np.array([1.0 / part.length])]).padded(MATCHED_ORDERS)
-    return np.array([[float(c[0]) * factorial(k) for k, c in enumerate(axis)] for axis in part([along])]).T

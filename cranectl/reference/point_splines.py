@@ -1,6 +1,6 @@
 """Turn way points and recorded samples into splines, or refuse them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 from cranectl.reference.files import AXES, RecordedMotion, read_motion
 from cranectl.reference.fitting import RecordedSamples, interpolate_path, interpolate_points
-from cranectl.reference.sanity import check_demand, check_length, check_numbers, check_samples
+from cranectl.reference.sanity import check_demand, check_numbers, check_samples
 from cranectl.scenario import FromFile, Hold, Samples, Scenario, Spline, WayPoints
 from cranectl.support import Array, InputError
 
@@ -20,6 +20,19 @@ EXACT_SHARE = (
 MAX_COEFFICIENT = 1e4  # [m] of a spline, in magnitude
 TIMES_REMEDY = "correct the times or units.time"
 BAND_POINTS = 16  # per span, at which the band is evaluated
+
+
+def spline_segments(
+    segment: FromFile, start: Array, scenario: Scenario, directory: Path, where: str
+) -> Sequence[Spline | Hold]:
+    """Return the splines and rests that take the place of way points or samples.
+
+    Raises InputError for points, times or a file that do not fit the scenario.
+    """
+    if isinstance(segment, Samples):
+        return [fit_samples(segment, start, scenario, directory, where)]
+    assert isinstance(segment, WayPoints)
+    return interpolate_way_points(segment, start, scenario, directory, where)
 
 
 def interpolate_way_points(
@@ -47,7 +60,7 @@ def interpolate_way_points(
     time = _times(segment, motion, points, where)
     check_numbers(time, points, where)
     if segment.time_law is None:
-        check_length(time[-1] - time[0], scenario, f"{where} lasts", TIMES_REMEDY)
+        scenario.check_reference_fits(time[-1] - time[0], f"{where} lasts", TIMES_REMEDY)
     points = _apply_offset(points, segment, start, scenario, first=points[0], error=np.zeros(3), where=where)
     points[0] = start
     time = time - time[0]
@@ -105,7 +118,7 @@ def fit_samples(segment: Samples, start: Array, scenario: Scenario, directory: P
     times = motion.columns["time"]
     check_numbers(times, motion.points, where)
     check_samples(times, motion.points, tolerance, where)
-    check_length(times[-1] - times[0], scenario, f"{where} lasts", TIMES_REMEDY)
+    scenario.check_reference_fits(times[-1] - times[0], f"{where} lasts", TIMES_REMEDY)
     time = times - times[0]
     recorded = RecordedSamples(time, motion.points)
     spans = segment.spans or recorded.choose_spans(segment.MAX_SPANS, EXACT_SHARE * tolerance)

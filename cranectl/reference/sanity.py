@@ -25,25 +25,6 @@ DEMAND_QUANTILE = 0.975  # of the peaks of all motions that the samples may mean
 UNITS = {"velocity": "m/s", "acceleration": "m/s²"}
 
 
-def check_length(length: float, scenario: Scenario, what: str, otherwise: str) -> None:
-    """Raise InputError for a reference of `length` [s] that is longer than its run.
-
-    The message begins with `what` and the length. The remedy is a longer run, or `otherwise`.
-    """
-    if length <= scenario.duration * (1.0 + 1e-12):
-        return
-    period = scenario.control.period
-    fits = float(np.ceil(length))
-    if abs(fits / period - round(fits / period)) > 1e-6:  # a run has whole periods
-        fits = float(np.ceil(length / period) * period)
-    longer = f"duration = {fits:.9g} or more, " if fits <= Scenario.MAX_SECONDS else ""
-    raise InputError(
-        f"{what} {length:.6g} s, longer than the run, {scenario.duration:g} s",
-        allowed=f"a run that its reference fits into, of at most {Scenario.MAX_SECONDS:g} s",
-        remedy=f"{longer}{'or ' * bool(longer)}{otherwise}",
-    )
-
-
 def check_numbers(time: Array, points: Array, where: str) -> None:
     """Raise InputError for NaN, infinity, numbers beyond all cranes, and times that do not increase."""
     invalid = np.flatnonzero(~np.isfinite(np.column_stack([time, points])).all(axis=1))

@@ -22,6 +22,15 @@ class Series(list[Number]):
         """Return the series of f, f', f'', …."""
         return cls(value * (1.0 / factorial(order)) for order, value in enumerate(values))
 
+    @classmethod
+    def about(cls, origin: Number, coefficients: Sequence[Number]) -> "Series":
+        """Return the coefficients in powers of x - `origin` from those in powers of x, by Horner's scheme."""
+        shifted = cls(origin * 0.0 + coefficient for coefficient in coefficients)
+        for first in range(len(shifted) - 1):
+            for k in range(len(shifted) - 2, first - 1, -1):
+                shifted[k] = shifted[k] + origin * shifted[k + 1]
+        return shifted
+
     def derivative(self, times: int = 1) -> "Series":
         """Return the series of a derivative, shorter by `times` coefficients."""
         series = self

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.time_laws import Law, derivatives, progress, spline, time_law_of
+from cranectl.reference.time_laws import TimeLaw, derivatives, spline
 from cranectl.scenario import (
     AddedSegment,
     Arc,
@@ -24,6 +24,8 @@ from cranectl.support import Array, InputError
 
 JUMP_TOLERANCE = 1e-9  # of the largest value of a derivative, or of 1; smaller jumps are rounding
 SAMPLE_TOLERANCE = 1e-9  # [s]; joints are sums of decimal durations, and a sample this close counts as at it
+BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
+RESTS = 0.01  # share of a spline's largest speed, below which it counts as at rest
 _ORDINALS = ("position", "first derivative", "second derivative", "third derivative", "fourth derivative")
 
 
@@ -58,10 +60,10 @@ class LinePath:
     start: Array
     end: Array
     duration: float
-    time_law: Law
+    time_law: TimeLaw
 
     def sample(self, time: Array) -> Array:
-        s = progress(self.time_law, time, self.duration)
+        s = self.time_law.progress(time, self.duration)
         rows = s.T[:, :, np.newaxis] * (self.end - self.start)
         # Exact at both ends, where the next segment starts.
         rows[:, 0] = (1.0 - s[0])[:, np.newaxis] * self.start + s[0][:, np.newaxis] * self.end
@@ -79,10 +81,10 @@ class ArcPath:
     centre: Array
     angle: float
     duration: float
-    time_law: Law
+    time_law: TimeLaw
 
     def sample(self, time: Array) -> Array:
-        theta, s1, s2, s3, s4 = self.angle * progress(self.time_law, time, self.duration)
+        theta, s1, s2, s3, s4 = self.angle * self.time_law.progress(time, self.duration)
         radius = self.start[:2] - self.centre
         # d/dt of exp(i theta): Faà di Bruno to order four, with complex numbers for the plane.
         turn = np.exp(1j * theta)
@@ -136,6 +138,45 @@ class Trajectory:
     start: Array
     paths: tuple[Path, ...]
 
+    @classmethod
+    def of(cls, settings: ReferenceSettings) -> "Trajectory":
+        """Build the trajectory of a scenario whose segments are all planned.
+
+        Raises InputError for segments of zero length, and for jumps in derivatives up to order
+        `settings.continuity`.
+        """
+        start = np.array(settings.start)
+        paths: list[Path] = []
+        for index, segment in enumerate(settings.segments):
+            begin = _end_of(paths[-1]) if paths else start
+            paths.append(_build_path(segment, begin, f"reference.segments.{index}"))
+        trajectory = cls(start, tuple(paths))
+        _check_continuity(trajectory, settings.continuity)
+        return trajectory
+
+    @staticmethod
+    def end_of(segment: Segment, start: Array) -> Array:
+        """Return the end point (x, y, z) [m] of a planned segment that begins at `start`."""
+        return _end_of(_build_path(segment, start, "segment"))
+
+    @property
+    def motions(self) -> dict[int, Path]:
+        """The paths on which the load moves, by their number."""
+        return {k: path for k, path in enumerate(self.paths) if not isinstance(path, HoldPath)}
+
+    @property
+    def last_motion(self) -> tuple[float, Array]:
+        """When it ends [s], and its direction, a unit vector (3,); 0 and zeros if the load never moves."""
+        if not self.motions:
+            return 0.0, np.zeros(3)
+        index, path = list(self.motions.items())[-1]
+        velocity = path.sample(np.array([(1.0 - BEFORE_END) * path.duration]))[0, 1]
+        if isinstance(path, SplinePath):  # a recorded motion may rest before its end, except for noise
+            velocities = path.sample(np.linspace(0.0, path.duration, 1001))[:, 1]
+            speeds = np.linalg.norm(velocities, axis=1)
+            velocity = velocities[np.flatnonzero(speeds >= RESTS * speeds.max())[-1]]
+        return float(self.joints[index + 1]), velocity / (np.linalg.norm(velocity) or 1.0)
+
     @property
     def joints(self) -> Array:
         """Return the start times of the segments and the end of the last [s]."""
@@ -185,32 +226,16 @@ class Trajectory:
         return HoldPath(_end_of(self.paths[-1]) if self.paths else self.start, 1.0)
 
 
-def build_trajectory(settings: ReferenceSettings) -> Trajectory:
-    """Build the trajectory of a scenario whose segments are all planned.
-
-    Raises InputError for segments of zero length, and for jumps in derivatives up to order
-    `settings.continuity`.
-    """
-    start = np.array(settings.start)
-    paths: list[Path] = []
-    for index, segment in enumerate(settings.segments):
-        begin = _end_of(paths[-1]) if paths else start
-        paths.append(_build_path(segment, begin, f"reference.segments.{index}"))
-    trajectory = Trajectory(start, tuple(paths))
-    _check_continuity(trajectory, settings.continuity)
-    return trajectory
-
-
 def _build_path(segment: Segment, start: Array, where: str) -> Path:
     if isinstance(segment, Hold):
         return HoldPath(start, segment.duration)
     if isinstance(segment, Line):
         segment.check_moves(start, where)
-        return LinePath(start, np.array(segment.to), segment.seconds, time_law_of(segment))
+        return LinePath(start, np.array(segment.to), segment.seconds, TimeLaw.of(segment))
     if isinstance(segment, BlendedPath) or (isinstance(segment, Spline) and segment.time_law is not None):
-        from cranectl.reference.geometry import GeometricPath, geometry_of
+        from cranectl.reference.geometry import GeometricPath, Geometry
 
-        return GeometricPath(geometry_of(segment, start, where), segment.seconds, time_law_of(segment))
+        return GeometricPath(Geometry.of(segment, start, where), segment.seconds, TimeLaw.of(segment))
     if isinstance(segment, Spline):
         return SplinePath(np.array(segment.breaks), np.array(segment.coefficients), segment.degree)
     if isinstance(segment, Driven):
@@ -224,12 +249,7 @@ def _build_path(segment: Segment, start: Array, where: str) -> Path:
         return added
     assert isinstance(segment, Arc), f"segment of kind {segment.kind} is not planned"
     segment.check_moves(start, where)
-    return ArcPath(start, np.array(segment.centre), segment.angle, segment.seconds, time_law_of(segment))
-
-
-def end_point(segment: Segment, start: Array) -> Array:
-    """Return the end point (x, y, z) [m] of a planned segment that begins at `start`."""
-    return _end_of(_build_path(segment, start, "segment"))
+    return ArcPath(start, np.array(segment.centre), segment.angle, segment.seconds, TimeLaw.of(segment))
 
 
 def _end_of(path: Path) -> Array:

@@ -19,9 +19,6 @@ from cranectl.design import (
     Margins,
     closed_loop_poles,
     error_weight,
-    inner_loop,
-    loop_margins,
-    open_loop,
 )
 from cranectl.report.table import Table, cells
 from cranectl.report.theme import WIDTH, canvas
@@ -93,7 +90,7 @@ def controller_tables(
         loops = [control.ss(model.a, model.b, model.gain.reshape(1, -1), 0.0) for model in linear]
         lines = [("gain", *("  ".join(f"{value:.4g}" for value in model.gain) for model in linear))]
         lines += _pole_rows(closed_loop_poles(loop) for loop in loops)
-        lines += _beside(loop_margins(loop) for loop in loops)
+        lines += _beside(map(Margins.of, loops))
         headings = ("one horizontal axis", *(f"rope of {model.rope_length:g} m" for model in linear))
         title = "Linearised about rest, loop opened at the drive's acceleration"
         tables.append(Table(title, headings, tuple(cells(*line) for line in lines), labels=1 + len(linear)))
@@ -150,7 +147,7 @@ def distinct_poles(poles: NDArray[Any]) -> list[tuple[complex, int]]:
 
 def design_figure(design: Design) -> Figure:
     """Draw sensitivities, loop gains and two responses of the loop of one axis."""
-    loop, inner = open_loop(design.gain, design.robustifier.system()), inner_loop(design.gain)(1j * OMEGA)
+    loop, inner = design.open_loop(), design.inner_loop()(1j * OMEGA)
     figure, panels = canvas(10.0, 7.5, 2, 2)
     figure.suptitle(f"{design.name}, one axis")
     sensitivities, gains, initial, disturbed = panels.flat
@@ -173,7 +170,7 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
     figure, panels = canvas(10.0, 7.9, 2, 2)
     sensitivities, gains, initial, disturbed = panels.flat
     for k, design in enumerate(designs):
-        loop, colour = open_loop(design.gain, design.robustifier.system()), f"C{k}"
+        loop, colour = design.open_loop(), f"C{k}"
         response = loop(1j * OMEGA)
         sensitivities.loglog(OMEGA, np.abs(1.0 / (1.0 + response)), color=colour)
         sensitivities.loglog(OMEGA, np.abs(response / (1.0 + response)), "--", color=colour)
@@ -193,7 +190,7 @@ def designs_figure(designs: Sequence[Design]) -> Figure:
 def loop_shaping_figure(design: Design, settings: DesignSettings) -> Figure:
     """Draw the inner loop, its weight, the shaped and the robustified loop, and the sensitivities."""
     robustifier = design.robustifier.system()
-    inner, weight = (system(1j * OMEGA) for system in (inner_loop(design.gain), error_weight(settings)))
+    inner, weight = (system(1j * OMEGA) for system in (design.inner_loop(), error_weight(settings)))
     figure, (shapes, sensitivities) = canvas(WIDTH, 5.4, 2, 1, sharex=True)
     for values, style, label in (
         (inner, {"linestyle": (0, (4, 2))}, "G, v̄ to z"),
@@ -205,7 +202,7 @@ def loop_shaping_figure(design: Design, settings: DesignSettings) -> Figure:
     shapes.axhline(1.0, color=matplotlib.rcParams["axes.edgecolor"], linewidth=0.8)
     _label(shapes, "singular values of one axis", "", "magnitude", legend=True)
     shapes.set_ylim(1e-5, 1e5)
-    _draw_sensitivities(sensitivities, open_loop(design.gain, robustifier))
+    _draw_sensitivities(sensitivities, design.open_loop())
     sensitivities.set_ylim(1e-5, 1e1)
     return figure
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from PIL.Image import Image
 
-from cranectl.cases.pairwise import Pairwise
-from cranectl.cases.validation import BETWEEN_PLANTS, JudgedValue, Validation, Verdict, judged_values
+from cranectl.cases import JudgedValue, Pairwise, Validation, Verdict
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.run.differences import pair_tables
@@ -132,7 +131,7 @@ def causes(case: Verdict) -> list[str]:
     if ends:
         expectation = "" if result.expected == "completed" else f" Expected was {result.expected}."
         return [f"The run on {', '.join(plants)} ended {how}.{expectation}" for how, plants in ends.items()]
-    faults = [value.fault for value in judged_values(result) if not value.kept]
+    faults = [value.fault for value in JudgedValue.of_case(result) if not value.kept]
     steps = sorted({agreement.curing_step_s for agreement in result.agreements if agreement.curing_step_s})
     faults += [f"With control.physics_step = {Quantity(step).setting()} the plants agree." for step in steps]
     if not result.limits_kept:
@@ -153,10 +152,10 @@ def _reason(scenarios: Sequence[ScenarioVerdict], failed: Sequence[ScenarioVerdi
     """Return the verdict in words; of several scenarios that fail, the reason of the worst."""
     if not failed:
         results = [case.result for scenario in scenarios for case in scenario.cases if case.result]
-        keys = {value.key for result in results for value in judged_values(result)}
+        keys = {value.key for result in results for value in JudgedValue.of_case(result)}
         good = ["runs end as expected"]
-        good += ["the plants agree"] if BETWEEN_PLANTS in keys else []
-        good += ["all limits are kept"] if keys - {BETWEEN_PLANTS} else []
+        good += ["the plants agree"] if JudgedValue.BETWEEN_PLANTS in keys else []
+        good += ["all limits are kept"] if keys - {JudgedValue.BETWEEN_PLANTS} else []
         passed = f"All {len(scenarios)} scenarios pass" if len(scenarios) > 1 else "The scenario passes"
         return f"{passed}: {', '.join(good)}."
     reason = " ".join(causes(failed[0].cases[0]))
@@ -177,8 +176,8 @@ def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iter
         passed = sum(not scenario.failed for scenario in scenarios)
         mark = "bad" if passed < len(scenarios) else ""
         yield Fact("Scenarios that pass", f"{passed} of {len(scenarios)}", _what_was_run(validation), mark)
-    values = [value for result in validation.finished for value in judged_values(result)]
-    limits = [value for value in values if value.key != BETWEEN_PLANTS]
+    values = [value for result in validation.finished for value in JudgedValue.of_case(result)]
+    limits = [value for value in values if value.key != JudgedValue.BETWEEN_PLANTS]
     if limits:
         kept, reference = sum(value.kept for value in limits), PLANTS.reference(validation.plants)
         mark = "bad" if kept < len(limits) else ""
@@ -222,7 +221,7 @@ def _tables_of(scenario: ScenarioVerdict, options: Sequence[str]) -> tuple[Table
     """Return each limit of a scenario once, of the case that is farthest from keeping it, and commands."""
     worst: dict[str, tuple[JudgedValue, str]] = {}
     for case in scenario.cases:
-        for value in judged_values(case.result) if case.result else ():
+        for value in JudgedValue.of_case(case.result) if case.result else ():
             if value.key not in worst or value.overrun > worst[value.key][0].overrun:
                 worst[value.key] = (value, case.name)
     columns: dict[str, Callable[[tuple[JudgedValue, str]], Cell | str]] = {

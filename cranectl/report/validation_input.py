@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.cases.validation import Validation
+from cranectl.cases import Validation
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.reference import HoldPath, build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.report.page import Fact
 from cranectl.scenario import Scenario
 from cranectl.support import Provenance
@@ -57,10 +57,9 @@ def mass_text(mass: float) -> str:
 
 def motion_text(scenario: Scenario) -> str:
     """Return load and motion in short: "32 t, 20 m in 35 s"."""
-    trajectory, load = build_trajectory(scenario.reference), mass_text(scenario.rig.load_mass)
-    moving = [path for path in trajectory.paths if not isinstance(path, HoldPath)]
-    if not moving:
+    trajectory, load = Trajectory.of(scenario.reference), mass_text(scenario.rig.load_mass)
+    if not trajectory.motions:
         return f"{load}, held in place for {scenario.duration:g} s"
     course = trajectory.sample(np.linspace(0.0, trajectory.joints[-1], PATH_SAMPLES))[:, :3]
     length = np.linalg.norm(np.diff(course, axis=0), axis=1).sum()
-    return f"{load}, {length:.3g} m in {sum(path.duration for path in moving):.3g} s"
+    return f"{load}, {length:.3g} m in {sum(path.duration for path in trajectory.motions.values()):.3g} s"

@@ -30,7 +30,7 @@ from cranectl.scenario.run_settings import (
 from cranectl.scenario.segments import Segment
 from cranectl.scenario.settings import MAX_DURATION, MIN_DURATION, Duration, Many, Point3, RuleError, Settings
 from cranectl.scenario.similarity import assumed_settings
-from cranectl.support import Quantity, Tree
+from cranectl.support import InputError, Quantity, Tree
 
 OWN = {"name", "title", "duration", "expected", "reference", "disturbances", "controller"}
 # The rig's numbers of effects are not reported either: the effects of the run have them.
@@ -237,6 +237,24 @@ class Scenario(Settings):
         segments = with_files(self.reference.segments, files)
         reference = self.reference.model_copy(update={"segments": segments})
         return self.model_copy(update={"reference": reference})
+
+    def check_reference_fits(self, length: float, what: str, otherwise: str) -> None:
+        """Raise InputError for a reference of `length` [s] that is longer than the run.
+
+        The message begins with `what` and the length. The remedy is a longer run, or `otherwise`.
+        """
+        if length <= self.duration * (1.0 + 1e-12):
+            return
+        period = self.control.period
+        fits = float(math.ceil(length))
+        if abs(fits / period - round(fits / period)) > 1e-6:  # a run has whole periods
+            fits = float(math.ceil(length / period) * period)
+        longer = f"duration = {fits:.9g} or more, " if fits <= self.MAX_SECONDS else ""
+        raise InputError(
+            f"{what} {length:.6g} s, longer than the run, {self.duration:g} s",
+            allowed=f"a run that its reference fits into, of at most {self.MAX_SECONDS:g} s",
+            remedy=f"{longer}{'or ' * bool(longer)}{otherwise}",
+        )
 
     @property
     def steps(self) -> int:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cranectl.model import states_and_inputs
 from cranectl.plants import air_velocity
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
 from cranectl.simulate.memory import check_planned
@@ -65,7 +65,7 @@ def plan_reference(scenario: Scenario) -> PlannedReference:
     """
     check_planned(scenario)
     time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
-    reference = build_trajectory(scenario.reference).sample(time_ns / NANOSECONDS)
+    reference = Trajectory.of(scenario.reference).sample(time_ns / NANOSECONDS)
     _check_taut(scenario, time_ns, reference)
     states, _ = states_and_inputs(reference, scenario.rig.gravity)
     _check_workspace(scenario, time_ns, states)

@@ -93,6 +93,11 @@ class Run:
         return self.end_ns / NANOSECONDS
 
     @property
+    def ended_as_expected(self) -> bool:
+        """Whether the run ended as its scenario expects."""
+        return self.status.label == self.scenario.expected
+
+    @property
     def load_position(self) -> Array:
         """Position of the load in the world (x, y, z) [m], shape (N, 3); a view."""
         return self.block("load")[:, :3]
@@ -137,6 +142,16 @@ class Run:
         """How far the measured load is from the predicted one [m], shape (N,), in a predicted run."""
         distance: Array = np.linalg.norm(self.block("residual")[:, 5:], axis=1)
         return distance
+
+    @property
+    def workspace_excess(self) -> Array:
+        """How far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
+        positions = self.block("state" if self.has("state") else "axes")[:, :6:2]
+        low, high = self.scenario.rig.workspace.T
+        excess: Array = low - positions
+        for axis in range(3):  # runs may be long: no second array of this size
+            np.maximum(excess[:, axis], positions[:, axis] - high[axis], out=excess[:, axis])
+        return np.maximum(excess, 0.0, out=excess)
 
     @property
     def groups(self) -> tuple[SignalGroup, ...]:

@@ -15,7 +15,7 @@ from cranectl.controllers import (
 )
 from cranectl.design import ControllerDesign, Design
 from cranectl.plants import DRIVES, REFERENCE_PLANT, Drive, PhysicsStep, Plant, check_scenario, examine
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate.child import BLOCK_TIMEOUT
 from cranectl.simulate.loop import Loop, Progress
@@ -125,7 +125,7 @@ def nominal_crane(
     """Return the data of crane, drives and reference with which `controller` is prepared."""
     reference = plan.reference
     if controller.follows == "set-point":
-        reference = build_trajectory(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
+        reference = Trajectory.of(nominal.reference).set_points(plan.time_ns / NANOSECONDS)
     return Nominal(
         rig=nominal.limited_rig,
         drive=drive,

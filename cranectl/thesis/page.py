@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from cranectl.planning import load_scenario
-from cranectl.reference import time_law
+from cranectl.reference import TimeLaw
 from cranectl.report.design import loop_shaping_figure
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.run.figures import FAMILIES, RunCurve
@@ -212,7 +212,7 @@ def _figure_key(number: str) -> tuple[int, ...]:
 
 
 def _time_law_figure() -> Figure:
-    third = time_law("degree-5", np.array([0.0]))[3, 0]
+    third = TimeLaw("degree-5").sample(np.array([0.0]))[3, 0]
     return Figure.drawn(
         "Trajectory generation",
         "Position, velocity and acceleration of the thesis's quintic (4.3) and of the degree 9 that z_d ∈ C⁴ "
@@ -227,7 +227,7 @@ def _draw_time_laws() -> Drawing:
     tau = np.linspace(0.0, 1.0, 401)
     drawing, stack = canvas(WIDTH, 4.6, 3, 1, sharex=True)
     for name, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
-        for axes, values in zip(stack, time_law(name, tau), strict=False):
+        for axes, values in zip(stack, TimeLaw(name).sample(tau), strict=False):
             axes.plot(tau, values, label=name.replace("-", " "), **style)
     for axes, label in zip(stack, ("s [1]", "ds/dτ [1]", "d²s/dτ² [1]"), strict=True):
         axes.set_ylabel(label)

@@ -11,7 +11,7 @@ from cranectl.design import design_controller
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, plan_scenario, simulate_run
 from cranectl.status import RunStatus
@@ -37,7 +37,7 @@ def test_same_as_an_adaptive_integrator_restarted_at_every_edge(controller: str)
     scenario = pieces()
     run = continuous(scenario, controller)
     design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    r, trajectory = design.robustifier, build_trajectory(scenario.reference)
+    r, trajectory = design.robustifier, Trajectory.of(scenario.reference)
     loop = ContinuousLoop(design.gain, r.a, r.b, r.c, float(r.d), scenario.rig.gravity)
     state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])
     rate, flat, outputs = np.zeros(len(state)), np.zeros(15), np.zeros(9)

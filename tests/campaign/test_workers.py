@@ -176,7 +176,7 @@ def test_errors_in_the_program_are_told_of_a_sample_and_raised_of_a_worker(
         raise ZeroDivisionError("of a worker")
 
     batch = Batch("analytic", "lqr", 0, 1)
-    monkeypatch.setattr("cranectl.campaign.worker.metrics_setup", broken)
+    monkeypatch.setattr("cranectl.campaign.worker.Accumulator", broken)
     (row,) = run_batch(both, batch)
     assert (row["status"], row["reason"]) == ("failed", "ZeroDivisionError: of a worker")
     monkeypatch.setattr("cranectl.campaign.workers.Worker", broken)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases.case import make_case, run_case
+from cranectl.cases import Case
 from cranectl.cli.main import main
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
@@ -24,7 +24,7 @@ def test_a_controller_is_compiled_once_for_all_plants(
         return prepared[-1]
 
     monkeypatch.setattr(runner, "compile_controller", count)
-    result = run_case(make_case(short, controller=controller, log=tmp_path / "a.mcap"))
+    result = Case.of(short, controller=controller, log=tmp_path / "a.mcap").run()
     assert [run.plant for run in result.runs] == list(PLANTS)
     assert result.passed
     assert len(prepared) == 1
@@ -37,8 +37,8 @@ def test_commands_beyond_the_drives_are_reported_for_runs_without_limits(tmp_pat
     def report_of(duration: float, *overrides: str, drive: str = "ideal") -> str:
         scenario = load_scenario("fixed-position", overrides=[
             "disturbances=[]", "duration=4.0", line.format(duration), *overrides])  # fmt: skip
-        case = make_case(scenario, controller="lqr", drive=drive, plants=["mujoco"], log=tmp_path / "a.mcap")
-        return run_case(case).runs[0].beyond_drives
+        case = Case.of(scenario, controller="lqr", drive=drive, plants=["mujoco"], log=tmp_path / "a.mcap")
+        return case.run().runs[0].beyond_drives
 
     quick = report_of(0.9)
     assert "m/s² of the bridge" in quick
@@ -64,7 +64,7 @@ ROPE = ["effects.rope={}", "control.physics_step=0.0002"]
 def test_a_default_plant_that_lacks_an_effect_is_left_out(
     overrides: list[str], requested: tuple[str, ...], plants: tuple[str, ...], left_out: list[str]
 ) -> None:
-    case = make_case(load_scenario("fixed-position", overrides=overrides), drive="velocity", plants=requested)
+    case = Case.of(load_scenario("fixed-position", overrides=overrides), drive="velocity", plants=requested)
     assert case.plants == plants
     assert len(case.left_out) == len(left_out)
     assert all(line in said for line, said in zip(left_out, case.left_out, strict=True))

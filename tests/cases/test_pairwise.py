@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from cranectl.cases.case import make_case
+from cranectl.cases import Case
 from cranectl.cases.pairwise import convergence, energy_drift
 from cranectl.cli.main import main
 from cranectl.planning import load_scenario
@@ -53,7 +53,7 @@ def test_each_plant_is_reported_with_its_convergence(results: dict[str, object])
 def test_long_steps_show_the_order_of_convergence() -> None:
     long = load_scenario("fast-diagonal", overrides=["control.period=0.02", "control.physics_step=0.02"])
     for plant, order in (("elastic", 5.0), ("mujoco", 4.0)):
-        error, measured = convergence(plant, make_case(long, controller="lqr", drive="velocity"))
+        error, measured = convergence(plant, Case.of(long, controller="lqr", drive="velocity"))
         assert error > 1e-6
         assert order - 0.5 < measured < order + 1.2  # coarse steps overestimate the order
     assert energy_drift("mujoco", long) > 100.0 * energy_drift("mujoco", load_scenario("fast-diagonal"))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases.case import Case, CaseResult, Failure, make_case
+from cranectl.cases.case import Case, CaseResult, Failure
 from cranectl.cases.workers import run_cases
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
@@ -30,7 +30,7 @@ SHORT = ["duration=0.4", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 def cases(directory: Path, *overrides: str) -> list[Case]:
     scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
     return [
-        make_case(scenario, controller=name, log=directory / f"{name}.mcap")
+        Case.of(scenario, controller=name, log=directory / f"{name}.mcap")
         for name in ("pole-placement", "lqr", "lqr+hinf")
     ]
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import cranectl.cli
-from cranectl.cases.assertions import CaseRuns, assert_agree, assert_limits, assert_regression
-from cranectl.cases.case import make_case
+from cranectl.cases import Case
+from cranectl.cases.assertions import CaseRuns, assert_agree, assert_limits
 from cranectl.cli.main import main
-from cranectl.compare.golden import judge_regression, load_tolerances
+from cranectl.compare import Tolerances
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
@@ -128,26 +128,26 @@ def test_a_plan_without_a_proof_says_so(capsys: pytest.CaptureFixture[str]) -> N
 def test_signals_without_a_number_are_no_pass() -> None:
     """A difference of two NaN is zero, so that a run agrees with itself."""
     (run,) = read_log("mujoco.mcap").values()
-    limits = load_tolerances("exact")
-    assert judge_regression(run, run, limits).without_numbers == ()
+    limits = Tolerances.load("exact")
+    assert limits.judge(run, run).without_numbers == ()
     table = run.table.copy()
     table[:, 3] = np.nan
-    verdict = judge_regression(replace(run, table=table), replace(run, table=table), limits)
+    verdict = limits.judge(replace(run, table=table), replace(run, table=table))
     assert len(verdict.without_numbers) == 1
     assert verdict.without_numbers[0] not in [signal.signal for signal in verdict.signals]
-    assert not judge_regression(replace(run, table=table), run, limits).passed
+    assert not limits.judge(replace(run, table=table), run).passed
     empty = replace(run, table=np.full_like(run.table, np.nan), reference=np.full_like(run.reference, np.nan))
     with pytest.raises(InputError, match="no signal of mujoco has a finite number in either log"):
-        judge_regression(empty, empty, limits)
+        limits.judge(empty, empty)
 
 
 def test_assertions_about_nothing_are_refused() -> None:
     """Nor does the pytest plugin take a run of one plant for agreement, or no limit for one that is kept."""
     scenario = load_scenario("still.toml")
-    alone = CaseRuns(make_case(scenario, controller="lqr", plants=("analytic",)))
+    alone = CaseRuns(Case.of(scenario, controller="lqr", plants=("analytic",)))
     with pytest.raises(InputError, match="a run of analytic only"):
         assert_agree(alone)
     with pytest.raises(InputError, match="no limit for the run of analytic"):
         assert_limits(alone)
     with pytest.raises(AssertionError, match="only golden or only new: mujoco"):
-        assert_regression(alone, Path("two.mcap"), "exact")
+        alone.assert_regression(Path("two.mcap"), "exact")

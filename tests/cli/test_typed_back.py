@@ -16,7 +16,7 @@ import pytest
 
 from cranectl.analysis.certificate.conservatism import LargestValues
 from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.cases.case import make_case, prepare_case
+from cranectl.cases import Case
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
@@ -152,8 +152,8 @@ def follow(source: str, rig: str, given: Sequence[str], drive: str, plants: Sequ
         sets, drive, plants = state
         try:
             scenario = load_scenario(source, rig=rig, overrides=sets)
-            case = make_case(scenario, controller=law, drive=checked_drive(drive), plants=plants)
-            prepare_case(case)
+            case = Case.of(scenario, controller=law, drive=checked_drive(drive), plants=plants)
+            case.prepare()
             for plant in plants:
                 make_plant(plant, scenario, checked_drive(drive))
         except InputError as error:

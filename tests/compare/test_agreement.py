@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
+from cranectl.compare import Agreement
 from cranectl.compare.agreement import (
     ENCODER_STEPS,
     SMOOTHED_FRICTION,
@@ -14,13 +15,10 @@ from cranectl.compare.agreement import (
     NoLimits,
     agreement_limits,
     judge,
-    judge_steps,
-    limits_for,
     pair_limits,
-    with_finer_steps,
 )
 from cranectl.planning import load_scenario
-from cranectl.plants import registry
+from cranectl.plants import PhysicsStep, registry
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -59,7 +57,7 @@ def test_a_plant_with_drives_that_do_not_feel_the_load_is_not_judged_with_them(
     monkeypatch.setitem(registry.PLANTS, "blind", blind)
     scenario = load_scenario("slack-rope")
     assert pair_limits(scenario, "ideal", ("blind", "mujoco")) == LIMITS
-    limits = limits_for(scenario, "velocity", ("analytic", "blind", "mujoco"))
+    limits = AgreementLimits.between(scenario, "velocity", ("analytic", "blind", "mujoco"))
     assert limits[PAIR] == agreement_limits("velocity")
     unknown = limits["blind", "mujoco"]
     assert isinstance(unknown, NoLimits)
@@ -100,7 +98,9 @@ def test_the_order_says_how_much_shorter(long: list[Run]) -> None:
     """Limits 50 times as narrow need two halvings, each of which divides the error by 16."""
     agreement = judge(*long)
     narrow = max(agreement.max_load_error_m, agreement.max_angle_error_rad) / 50.0
-    assert judge_steps(long, replace(LIMITS, load_m=narrow, angle_rad=narrow)).curing_step_s == 0.005
+    assert (
+        Agreement.judge_steps(long, replace(LIMITS, load_m=narrow, angle_rad=narrow)).curing_step_s == 0.005
+    )
 
 
 def test_friction_needs_more_halvings_than_the_smooth_parts() -> None:
@@ -113,8 +113,8 @@ def test_friction_needs_more_halvings_than_the_smooth_parts() -> None:
     assert agreement.passed
     third = agreement.excess / 3.0
     narrow = replace(limits, load_m=third * limits.load_m, angle_rad=third * limits.angle_rad)
-    assert judge_steps(runs, narrow).curing_step_s == 0.001
-    assert judge_steps(runs, replace(narrow, order=4)).curing_step_s is None
+    assert Agreement.judge_steps(runs, narrow).curing_step_s == 0.001
+    assert Agreement.judge_steps(runs, replace(narrow, order=4)).curing_step_s is None
 
 
 def test_other_differences_are_not_cured(long: list[Run]) -> None:
@@ -122,15 +122,15 @@ def test_other_differences_are_not_cured(long: list[Run]) -> None:
     narrow = replace(LIMITS, load_m=1e-16, angle_rad=1e-16)
     interrupted = [long[0], replace(long[1], status=RunStatus.INTERRUPTED)]
     other_drives = [replace(run, drive="velocity") for run in long]
-    assert judge_steps(long, narrow).curing_step_s is None
+    assert Agreement.judge_steps(long, narrow).curing_step_s is None
     for runs in ([long[0], long[0]], interrupted, other_drives):
-        assert judge_steps(runs, LIMITS).curing_step_s is None
-    assert judge_steps(long, NoLimits("nobody knows")).curing_step_s is None
+        assert Agreement.judge_steps(runs, LIMITS).curing_step_s is None
+    assert Agreement.judge_steps(long, NoLimits("nobody knows")).curing_step_s is None
 
 
 def test_steps_stay_on_the_grid_of_nanoseconds() -> None:
     scenario = load_scenario("fast-diagonal", overrides=["control.physics_step=0.000015625"])
-    assert with_finer_steps(scenario, "ideal", 2) is None
+    assert PhysicsStep(scenario, "ideal").refined(2) is None
 
 
 def test_the_verdict_of_a_run_names_the_step_that_brings_plants_together(

@@ -12,9 +12,6 @@ from cranectl.compare.golden import (
     RegressionVerdict,
     SignalVerdict,
     Tolerances,
-    judge_regression,
-    load_tolerances,
-    worst_first,
 )
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
@@ -57,11 +54,14 @@ def test_the_worst_is_the_most_times_its_limit() -> None:
         SignalVerdict(name, "m", size, 0.0, limit, passed=False)
         for name, (size, limit) in zip("abcdef", sizes, strict=True)
     ]
-    assert [verdict.signal for verdict in worst_first(verdicts)] == ["d", "e", "c", "b", "a", "f"]
+    verdict = RegressionVerdict(
+        "mujoco", 1, "completed", "completed", 0.0, 0.0, tuple(verdicts), same_status=True, ends_passed=True
+    )
+    assert [signal.signal for signal in verdict.worst_first] == ["d", "e", "c", "b", "a", "f"]
 
 
 def test_an_identical_run_passes_with_all_tolerances_zero(run: Run) -> None:
-    verdict = judge_regression(run, run, EXACT)
+    verdict = EXACT.judge(run, run)
     assert verdict.passed
     assert verdict.samples == 126
     assert [row.signal for row in verdict.signals] == list(named_signals(run))
@@ -70,7 +70,7 @@ def test_an_identical_run_passes_with_all_tolerances_zero(run: Run) -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_signal_is_judged(run: Run, sign: float) -> None:
     for column, name in enumerate(named_signals(run)):
-        verdict = judge_regression(shifted(run, column, sign * 1e-6), run, EXACT)
+        verdict = EXACT.judge(shifted(run, column, sign * 1e-6), run)
         assert failed(verdict) == [name]
         assert not verdict.passed
 
@@ -78,8 +78,8 @@ def test_every_signal_is_judged(run: Run, sign: float) -> None:
 def test_the_limit_itself_is_kept_and_the_place_of_the_worst_is_told(run: Run) -> None:
     zero = replace(run, table=np.zeros_like(run.table))
     limits = tolerances(("load.load_x", 2.0**-10), ("*", 0.0))
-    assert judge_regression(shifted(zero, LOAD_X, -(2.0**-10)), zero, limits).passed
-    verdict = judge_regression(shifted(zero, LOAD_X, np.nextafter(2.0**-10, 1.0)), zero, limits)
+    assert limits.judge(shifted(zero, LOAD_X, -(2.0**-10)), zero).passed
+    verdict = limits.judge(shifted(zero, LOAD_X, np.nextafter(2.0**-10, 1.0)), zero)
     (row,) = (row for row in verdict.signals if not row.passed)
     assert (row.signal, row.unit, row.at_s, row.limit) == ("load.load_x", "m", 0.2, 2.0**-10)
     assert row.max_abs == np.nextafter(2.0**-10, 1.0)
@@ -89,43 +89,43 @@ def test_relative_limits_are_of_the_golden_runs_largest_magnitude(run: Run) -> N
     golden = replace(run, table=np.zeros_like(run.table))
     golden = shifted(golden, LOAD_X, -8.0, row=3)
     limits = tolerances(("load.load_x", 0.5, 0.25), ("*", 0.0))
-    assert judge_regression(shifted(golden, LOAD_X, 2.0), golden, limits).passed
-    assert not judge_regression(shifted(golden, LOAD_X, 2.01), golden, limits).passed
+    assert limits.judge(shifted(golden, LOAD_X, 2.0), golden).passed
+    assert not limits.judge(shifted(golden, LOAD_X, 2.01), golden).passed
     wider = tolerances(("load.load_x", 3.0, 0.25), ("*", 0.0))
-    larger = judge_regression(shifted(golden, LOAD_X, 3.0), golden, wider)
+    larger = wider.judge(shifted(golden, LOAD_X, 3.0), golden)
     assert larger.passed, "the larger of the two counts"
     huge = shifted(golden, LOAD_X, 100.0)
-    assert not judge_regression(huge, golden, limits).passed, "the new run's own magnitude widens nothing"
+    assert not limits.judge(huge, golden).passed, "the new run's own magnitude widens nothing"
 
 
 def test_the_first_match_counts(run: Run) -> None:
     new = shifted(run, ALPHA_RATE, 1e-3)
-    assert judge_regression(new, run, tolerances(("*.alpha_rate", 2e-3), ("state.*", 0.0), ("*", 0.0))).passed
+    assert tolerances(("*.alpha_rate", 2e-3), ("state.*", 0.0), ("*", 0.0)).judge(new, run).passed
     strict = tolerances(("*.alpha_rate", 0.0), ("state.*", 2e-3), ("*", 0.0))
-    assert failed(judge_regression(new, run, strict)) == ["state.alpha_rate"]
+    assert failed(strict.judge(new, run)) == ["state.alpha_rate"]
 
 
 def test_not_a_number_keeps_no_limit_but_is_itself(run: Run) -> None:
     wide = tolerances(("*", 1e300, 1e300))
     broken = shifted(run, LOAD_X, np.nan)
-    assert failed(judge_regression(broken, run, wide)) == ["load.load_x"]
-    assert failed(judge_regression(run, broken, wide)) == ["load.load_x"]
-    assert judge_regression(broken, broken, EXACT).passed
+    assert failed(wide.judge(broken, run)) == ["load.load_x"]
+    assert failed(wide.judge(run, broken)) == ["load.load_x"]
+    assert EXACT.judge(broken, broken).passed
     infinite = shifted(run, LOAD_X, np.inf)
-    assert judge_regression(infinite, infinite, EXACT).passed
+    assert EXACT.judge(infinite, infinite).passed
     narrow = tolerances(("*", 0.0, 1e-3))
-    assert not judge_regression(shifted(infinite, LOAD_X, 1.0, row=9), infinite, narrow).passed
+    assert not narrow.judge(shifted(infinite, LOAD_X, 1.0, row=9), infinite).passed
 
 
 def test_runs_must_end_alike(run: Run) -> None:
     stopped = replace(run, status=RunStatus.SLACK_ROPE)
-    verdict = judge_regression(stopped, run, EXACT)
+    verdict = EXACT.judge(stopped, run)
     assert (verdict.status, verdict.golden_status, verdict.passed) == ("slack-rope", "completed", False)
     assert failed(verdict) == []
     for sign in (1, -1):
         later = replace(run, end_ns=run.end_ns + sign * 20_000_000)
-        assert judge_regression(later, run, tolerances(("*", 0.0), end_s=0.02)).passed
-        verdict = judge_regression(later, run, tolerances(("*", 0.0), end_s=0.0199))
+        assert tolerances(("*", 0.0), end_s=0.02).judge(later, run).passed
+        verdict = tolerances(("*", 0.0), end_s=0.0199).judge(later, run)
         assert not verdict.passed
         assert verdict.end_difference_s == 0.02
         assert verdict.to_json()["passed"] is False
@@ -133,10 +133,10 @@ def test_runs_must_end_alike(run: Run) -> None:
 
 def test_other_groups_are_judged_if_a_pattern_matches_them(run: Run) -> None:
     compared = tolerances(*((f"{group}.*", 0.0) for group in COMPARED_GROUPS))
-    names = [row.signal for row in judge_regression(run, run, compared).signals]
+    names = [row.signal for row in compared.judge(run, run).signals]
     assert names == [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
     more = tolerances(*((f"{group}.*", 0.0) for group in (*COMPARED_GROUPS, "error")), ("*.zeta", 0.0))
-    added = [row.signal for row in judge_regression(run, run, more).signals if row.signal not in names]
+    added = [row.signal for row in more.judge(run, run).signals if row.signal not in names]
     assert len(added) == 13
     assert added[-1] == "controller.zeta"
 
@@ -157,7 +157,7 @@ def test_other_groups_are_judged_if_a_pattern_matches_them(run: Run) -> None:
 )
 def test_limits_that_would_not_judge_what_they_say(run: Run, limits: list[Any], expected: str) -> None:
     with pytest.raises(InputError) as caught:
-        judge_regression(run, run, tolerances(*limits))
+        tolerances(*limits).judge(run, run)
     assert expected.replace("\\", "") in str(caught.value)
 
 
@@ -167,22 +167,22 @@ def test_signals_that_only_one_run_has(short: Scenario, run: Run) -> None:
         with pytest.raises(
             InputError, match=r"only one of the runs has controller.robustifier_x_1"
         ) as caught:
-            judge_regression(*pair, EXACT)
+            EXACT.judge(*pair)
         names = [run.design.name for run in pair[::-1]]
         assert f"the controllers are {' and '.join(names)}: " in caught.value.found
         assert len(caught.value.found) < 400
     both = [("controller.zeta*", 9.0), *((f"{group}.*", 9e9) for group in COMPARED_GROUPS)]
-    assert judge_regression(run, plain, tolerances(*both)).passed
+    assert tolerances(*both).judge(run, plain).passed
 
 
 def test_a_new_run_must_have_the_golden_samples(short: Scenario, run: Run) -> None:
     full = simulate_run(short, plant="analytic", controller="lqr+hinf")
-    assert judge_regression(full, run, EXACT).samples == 126
+    assert EXACT.judge(full, run).samples == 126
     with pytest.raises(InputError, match="lacks 375 of 501 samples of the golden one"):
-        judge_regression(run, full, EXACT)
+        EXACT.judge(run, full)
     # A golden run that stopped has its last sample between those of a new one that ran on.
     stopped = cut(full, 204, end_ns=int(full.time_ns[203])).every(4)
-    assert judge_regression(run, stopped, tolerances(("*", 0.0), end_s=1.0)).passed
+    assert tolerances(("*", 0.0), end_s=1.0).judge(run, stopped).passed
 
 
 @pytest.mark.parametrize(
@@ -199,11 +199,11 @@ def test_files_are_read_strictly(tmp_path: Path, text: str, expected: str) -> No
     path = tmp_path / "limits.toml"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        load_tolerances(str(path))
+        Tolerances.load(str(path))
     assert expected in str(caught.value)
     assert "limits.toml" in str(caught.value)
     with pytest.raises(InputError, match=r"cannot read absent\.toml"):
-        load_tolerances("absent.toml")
+        Tolerances.load("absent.toml")
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
@@ -211,16 +211,16 @@ def test_shipped_tolerances_fit_every_controller(short: Scenario, controller: st
     assert Shipped.REGRESSIONS.names() == ["exact", "rounding"]
     run = simulate_run(short, plant="analytic", controller=controller).every(4)
     for name in Shipped.REGRESSIONS.names():
-        assert judge_regression(run, run, load_tolerances(name)).passed
+        assert Tolerances.load(name).judge(run, run).passed
 
 
 def test_rounding_passes_and_more_than_rounding_fails(run: Run) -> None:
-    rounding = load_tolerances("rounding")
+    rounding = Tolerances.load("rounding")
     rounded = replace(run, table=run.table * (1.0 + 1e-9))
-    assert not judge_regression(rounded, run, load_tolerances("exact")).passed
-    assert judge_regression(rounded, run, rounding).passed
+    assert not Tolerances.load("exact").judge(rounded, run).passed
+    assert rounding.judge(rounded, run).passed
     compared = [name for name in named_signals(run) if name.partition(".")[0] in COMPARED_GROUPS]
     for column, name in enumerate(named_signals(run)):
         largest = np.abs(run.table[:, column]).max()
-        verdict = judge_regression(shifted(run, column, max(1e-3, 1e-3 * largest)), run, rounding)
+        verdict = rounding.judge(shifted(run, column, max(1e-3, 1e-3 * largest)), run)
         assert failed(verdict) == ([name] if name in compared else [])

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cranectl.compare import Differences
 from cranectl.compare.agreement import NoLimits, agreement_limits, judge
 from cranectl.compare.runs import (
     compare_runs,
     compared_signals,
-    differing_fields,
     merged_pair,
     named_signals,
-    refuse_differences,
 )
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
@@ -124,25 +123,25 @@ def test_what_differs_in_scenarios_and_designs_is_named(short: Scenario) -> None
         return replace(run, scenario=short.model_copy(update=update))
 
     run = simulate_run(short, plant="analytic")
-    assert differing_fields(run, run) == ()
+    assert Differences.of(run, run) == ()
     other = replace(run, design=ALL_CONTROLLERS.design("lqr+hinf", short), drive="velocity")
-    assert differing_fields(run, other) == (
+    assert Differences.of(run, other) == (
         "controller: pole-placement and lqr+hinf",
         "drive: ideal and velocity",
     ), "designs of different controllers have nothing in common"
-    assert differing_fields(run, changed(duration=1.0)) == ("duration: 0.5 and 1.0",)
+    assert Differences.of(run, changed(duration=1.0)) == ("duration: 0.5 and 1.0",)
     heavier = short.rig.model_copy(update={"load_mass": 2.0})
-    assert differing_fields(run, changed(rig=heavier)) == ("rig.load_mass: 1.0 and 2.0",)
-    fewer = differing_fields(run, changed(disturbances=short.disturbances[:1]))
+    assert Differences.of(run, changed(rig=heavier)) == ("rig.load_mass: 1.0 and 2.0",)
+    fewer = Differences.of(run, changed(disturbances=short.disturbances[:1]))
     assert "disturbances.1.joint: beta and nothing" in fewer
     assert all(field.startswith("disturbances.1.") for field in fewer)
     gain = run.design.gain * np.array([1.0, 1.0, 1.0, 2.0])
     retuned = replace(run, design=replace(run.design, gain=gain))
-    assert differing_fields(run, retuned) == (f"controller.gain.3: {gain[3] / 2} and {gain[3]}",)
+    assert Differences.of(run, retuned) == (f"controller.gain.3: {gain[3] / 2} and {gain[3]}",)
     third = replace(run, design=replace(run.design, gain=gain / 3.0))
-    assert f"controller.gain.3: {gain[3] / 2} and {gain[3] / 3:.6g}" in differing_fields(run, third)
+    assert f"controller.gain.3: {gain[3] / 2} and {gain[3] / 3:.6g}" in Differences.of(run, third)
     nearly = changed(duration=np.nextafter(0.5, 1.0))
-    assert differing_fields(run, nearly) == ("duration: 0.5 and 0.5000000000000001",)
+    assert Differences.of(run, nearly) == ("duration: 0.5 and 0.5000000000000001",)
 
 
 @pytest.fixture(scope="module")
@@ -185,10 +184,10 @@ def test_what_one_log_cannot_hold(short: Scenario, pair: tuple[Run, Run]) -> Non
 
 
 def test_differences_are_named_up_to_ten() -> None:
-    refuse_differences("nothing", (), described="analytic")
+    Differences().refuse("nothing", described="analytic")
     with pytest.raises(InputError) as caught:
-        refuse_differences(
-            "the runs differ in", [f"field{k}: 1 and 2" for k in range(12)], described="analytic"
+        Differences(f"field{k}: 1 and 2" for k in range(12)).refuse(
+            "the runs differ in", described="analytic"
         )
     assert "field0: 1 and 2; " in caught.value.found
     assert caught.value.found.endswith("field9: 1 and 2; 2 more")

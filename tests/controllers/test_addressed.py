@@ -10,7 +10,7 @@ import pytest
 
 from cranectl.model.dynamics import axis_masses, forced_accelerations
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, loops, simulate_run
 from cranectl.status import RunStatus
@@ -80,7 +80,7 @@ def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() 
     moving = [segment for segment in scenario.reference.segments if segment.kind == "line"]
     assert np.array_equal(rows[0, :3], moving[0].to)
     assert len(ends) <= len(scenario.reference.segments) + 1
-    last = build_trajectory(scenario.reference).sample(np.array([scenario.duration]))[0, :3]
+    last = Trajectory.of(scenario.reference).sample(np.array([scenario.duration]))[0, :3]
     assert np.array_equal(rows[-1, :3], last)
 
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from cranectl.design import CONTROLLERS, design_controller
-from cranectl.design.discretisation import sampled_blocks, sampled_loop
 from cranectl.design.linear_systems import real_modal_form
 from cranectl.support.errors import InputError
 
@@ -50,7 +49,7 @@ def test_sampled_loop_tends_to_the_continuous_one(name: str) -> None:
     design = design_controller(name)
     r = design.robustifier
     period = 1e-5
-    matrix = sampled_loop(design.gain, sampled_blocks(r.a, r.b, r.c, r.d, period), period)
+    matrix = r.sampled(period).loop(design.gain, period)
     slowest = np.log(np.abs(np.linalg.eigvals(matrix)).max()) / period
     # Fourfold poles move by the fourth root of rounding.
     tolerance = 0.15 if name.startswith("pole-placement") else 0.02

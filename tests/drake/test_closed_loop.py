@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cranectl.cases.case import run_case
 from cranectl.compare.agreement import agreement_limits
 from cranectl.compare.runs import compare_runs
 from cranectl.planning import load_scenario
@@ -52,7 +51,7 @@ def test_rigid_cranes_of_any_size_agree_with_default_steps(first: int) -> None:
     """As `tests/plants/test_random_cranes.py` for the plants of every installation."""
     generator = random_cranes.random_rigs(random_cranes.commit(), ("drake", "mujoco"), steps=RIGID_STEPS)
     for case in itertools.islice(generator, first, first + 5):
-        (pair,) = run_case(case).pairs
+        (pair,) = case.run().pairs
         assert pair.agreement.passed or random_cranes.is_amplified(case), (case.scenario.name, pair)
 
 

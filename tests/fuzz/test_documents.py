@@ -10,7 +10,7 @@ import pytest
 from hypothesis import strategies as st
 
 from cranectl.campaign import load_campaign
-from cranectl.compare.golden import load_tolerances
+from cranectl.compare import Tolerances
 from cranectl.planning import load_scenario
 from cranectl.plants.steps import PhysicsStep
 from cranectl.scenario import Scenario
@@ -92,7 +92,7 @@ def test_odd_campaigns_are_read_or_refused(tmp_path: Path, content: bytes) -> No
 
 @fuzzed(30, content=toml_files(TOLERANCES))
 def test_odd_tolerances_are_used_or_refused(template: Path, tmp_path: Path, content: bytes) -> None:
-    read(lambda path: load_tolerances(str(path)), tmp_path, content)
+    read(lambda path: Tolerances.load(str(path)), tmp_path, content)
     line = ["compare", "x.mcap", "copy.mcap", "--tolerances", "f.toml"]
     check_command(template, line, files={"f.toml": content})
 

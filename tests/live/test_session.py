@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl.controllers import registry
-from cranectl.design import design_controller, with_gain
+from cranectl.design import design_controller
 from cranectl.live.session import Session
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
@@ -60,7 +60,7 @@ def test_a_new_controller_with_the_same_gains_changes_no_bit(short: Scenario, co
     """The session therefore keeps all states: the extension ζ, its rate, set-points and robustifier."""
     running = session(short, controller)
     first = advance(running, 300)
-    running.use(with_gain(running.design, running.design.gain))
+    running.use(running.design.with_gain(running.design.gain))
     second = advance(running, 201)
     for plant in PLANTS:
         expected = simulate_run(short, plant=plant, controller=controller).table
@@ -113,16 +113,16 @@ def test_gains_change_the_motion(short: Scenario) -> None:
     running, unchanged = session(short), session(short)
     for either in (running, unchanged):
         advance(either, 300)
-    running.use(with_gain(running.design, running.design.gain * 1.1))
+    running.use(running.design.with_gain(running.design.gain * 1.1))
     assert np.abs(running.advance(200)[1].table - unchanged.advance(200)[1].table).max() > 1e-3
 
 
 def test_unstable_gains_are_refused(short: Scenario) -> None:
     running, unchanged = session(short), session(short)
     with pytest.raises(InputError, match="unstable"):
-        with_gain(running.design, np.array([40.0, 60.0, 38.0, -10.0]))
+        running.design.with_gain(np.array([40.0, 60.0, 38.0, -10.0]))
     # Stable in continuous time, but not at 1 ms.
-    fast = with_gain(running.design, np.poly([-2500.0] * 4)[:0:-1])
+    fast = running.design.with_gain(np.poly([-2500.0] * 4)[:0:-1])
     with pytest.raises(InputError, match="unstable when sampled"):
         running.use(fast)
     assert running.design is unchanged.design
@@ -130,10 +130,10 @@ def test_unstable_gains_are_refused(short: Scenario) -> None:
 
 
 def test_with_gain_computes_the_new_poles(short: Scenario) -> None:
-    design = with_gain(design_controller("lqr", short.design), np.poly([-2.0, -3.0, -4.0, -5.0])[:0:-1])
+    design = design_controller("lqr", short.design).with_gain(np.poly([-2.0, -3.0, -4.0, -5.0])[:0:-1])
     assert design.closed_loop_poles.real == pytest.approx([-5.0, -4.0, -3.0, -2.0], rel=1e-6)
     assert design.name == "lqr, gains by hand"
-    assert with_gain(design, design.gain).name == design.name
+    assert design.with_gain(design.gain).name == design.name
 
 
 @pytest.mark.parametrize(("pulse", "column"), [((2.0, 0.0), 6), ((0.0, -3.0), 8)])

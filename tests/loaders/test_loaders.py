@@ -12,7 +12,7 @@ from cranectl.campaign.definition import Batch
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.cli.main import main
-from cranectl.compare.runs import differing_fields
+from cranectl.compare import Differences
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
@@ -64,7 +64,7 @@ def test_a_law_is_logged_with_its_file_its_signals_and_its_parameters(law: Path)
     law.write_text(LAW + "# edited\n")
     again = law.parent / "again.mcap"
     assert main(["run", "fast-diagonal", "--controller", asked, *ASKED, *stiff, "--out", str(again)]) == 0
-    (told,) = differing_fields(read_log(log)["mujoco"], read_log(again)["mujoco"])
+    (told,) = Differences.of(read_log(log)["mujoco"], read_log(again)["mujoco"])
     assert re.fullmatch(r"controller\.origin\.sha256: \w{64} and \w{64}", told)
     view = law.parent / "view.json"
     assert main(["log", "layout", "controller", str(view), "--log", str(log)]) == 0

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.metrics import RunMetrics, all_metrics, run_metrics
-from cranectl.metrics.limits import LimitVerdict, broken_since, judge_limits, limits_of
-from cranectl.metrics.summary import metric_course
+from cranectl.metrics import Limits, Metric, RunMetrics, run_metrics
+from cranectl.metrics.limits import LimitVerdict
+from cranectl.metrics.runs import metric_course
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import default_scenario
 from cranectl.scenario.run_settings import LimitSettings
@@ -24,11 +24,11 @@ def asking(**limits: Any) -> Scenario:
 
 def test_a_plants_own_limits_stand_before_those_of_all() -> None:
     scenario = asking(max_error_m=0.1, max_sway_rad=0.2, mujoco={"max_error_m": 0.3, "overshoot_m": 0.4})
-    assert limits_of(scenario, PLANTS) == {
+    assert Limits.by_plant(scenario, PLANTS) == {
         "analytic": {"max_sway_rad": 0.2, "max_error_m": 0.1},
         "mujoco": {"max_sway_rad": 0.2, "max_error_m": 0.3, "overshoot_m": 0.4},
     }
-    assert limits_of(default_scenario(), ["mujoco"]) == {"mujoco": {}}
+    assert Limits.by_plant(default_scenario(), ["mujoco"]) == {"mujoco": {}}
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_a_plants_own_limits_stand_before_those_of_all() -> None:
 )
 def test_what_cannot_be_asked_is_refused(limits: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        limits_of(asking(**limits), PLANTS)
+        Limits.by_plant(asking(**limits), PLANTS)
 
 
 @pytest.mark.parametrize("value", ["-1.0", "nan", "true", "{max_error_m=-1.0}"])
@@ -55,16 +55,18 @@ def test_a_limit_is_kept_up_to_its_value_and_a_lower_one_down_to_it() -> None:
     metrics = RunMetrics("completed", 1.0, values)
 
     def are_kept(**limits: float) -> list[bool]:
-        return [verdict.kept for verdict in judge_limits(metrics, limits)]
+        return [verdict.kept for verdict in LimitVerdict.judge(metrics, limits)]
 
     assert are_kept(max_error_m=0.1, min_rope_tension_n=5.0) == [True, True]
     assert are_kept(max_error_m=0.0999, min_rope_tension_n=5.01) == [False, False]
     assert are_kept(settling_time_s=1e9) == [False], "what a run lacks it has not kept"
     barely = LimitVerdict("max_error_m", 0.1200004, 0.12, kept=False)
     assert barely.fault == "breaks the limit 0.12 m of max_error_m: 0.1200004 m"
-    assert judge_limits(None, {"max_error_m": 1.0}) == (LimitVerdict("max_error_m", None, 1.0, kept=False),)
+    assert LimitVerdict.judge(None, {"max_error_m": 1.0}) == (
+        LimitVerdict("max_error_m", None, 1.0, kept=False),
+    )
     lost = replace(metrics, values={"max_error_m": float("nan")})
-    assert not judge_limits(lost, {"max_error_m": 1.0})[0].kept
+    assert not LimitVerdict.judge(lost, {"max_error_m": 1.0})[0].kept
 
 
 def test_the_tolerance_of_settling_is_the_scenarios() -> None:
@@ -81,7 +83,7 @@ def test_the_tolerance_of_settling_is_the_scenarios() -> None:
 
 def test_the_course_of_a_metric_is_what_a_run_that_ends_sooner_has() -> None:
     run = closed_loop("fast-diagonal", "lqr", "mujoco", "velocity")
-    for metric in (metric for metric in all_metrics() if metric.limited):
+    for metric in (metric for metric in Metric.all() if metric.limited):
         course = metric_course(run, metric.name)
         for samples in (1, 500, 3100, len(run.time_ns)):
             sooner = run_metrics(cut(run, samples, end_ns=int(run.time_ns[samples - 1])))
@@ -95,7 +97,7 @@ def test_a_limit_is_broken_since_it_was_kept_last() -> None:
     error = np.linalg.norm(run.reference[:, :3] - run.load_position, axis=1)
 
     def since(metric: str, limit: float) -> float | None:
-        return broken_since(run, LimitVerdict(metric, None, limit, kept=False))
+        return LimitVerdict(metric, None, limit, kept=False).broken_since(run)
 
     assert since("max_error_m", 0.05) == run.time[np.argmax(error > 0.05)]
     assert (

@@ -11,17 +11,14 @@ import pytest
 from cranectl.cases.case import RunSummary
 from cranectl.design import design_controller
 from cranectl.metrics import (
+    Accumulator,
+    Metric,
     RunMetrics,
     WorkspaceViolation,
-    accumulate,
-    all_metrics,
-    empty_accumulator,
-    finish,
-    metrics_setup,
     run_metrics,
     workspace_violations,
 )
-from cranectl.metrics.setup import FLAG_COLUMN
+from cranectl.metrics.setup import FLAG_COLUMN, metrics_setup
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
 from cranectl.planning import load_scenario
 from cranectl.report.run.page import log_page
@@ -39,7 +36,7 @@ ALPHA, BETA = 6, 8
 LIMITED = COLUMN.width + FLAG_COLUMN
 SAMPLES, REST = 4001, 2000
 VIEWS = {"peak_acceleration_m_s2", "outside_first_s", "outside_excess_m", "outside_time_s"}  # not in JSON
-ALL = {"status", "duration_s", "workspace_violations", *(m.name for m in all_metrics())} - VIEWS
+ALL = {"status", "duration_s", "workspace_violations", *(m.name for m in Metric.all())} - VIEWS
 AFTER_REST = {
     "settling_time_s", "overshoot_m", "max_rest_error_m", "residual_sway_rad",
     "residual_sway_about_lean_rad", "residual_vibration_m",
@@ -172,7 +169,7 @@ def column(run: Run, index: int, value: float, rows: slice) -> Run:
 
 def fed(run: Run, ends: list[int]) -> bytes:
     """Return the accumulator after blocks that end at `ends`, all in the same buffer."""
-    accumulator, setup = empty_accumulator(), metrics_setup(run.scenario, run.drive)
+    accumulator = Accumulator(run.scenario, run.drive)
     width = LIMITED - FLAG_COLUMN
     record, stages = (
         np.full((len(run.table), width), np.nan),
@@ -182,8 +179,8 @@ def fed(run: Run, ends: list[int]) -> bytes:
         n = last - first
         record[:n], stages[:n] = run.table[first:last, :width], run.table[first:last, width:]
         rows = slice(first, last)
-        accumulate(setup, accumulator, (run.time_ns[rows], record[:n], run.reference[rows], stages[:n]))
-    assert finish(setup, accumulator, run.status, run.end_ns) == run_metrics(run)
+        accumulator.add(run.time_ns[rows], record[:n], run.reference[rows], stages[:n])
+    assert accumulator.finish(run.status, run.end_ns) == run_metrics(run)
     return accumulator.total.tobytes()
 
 
@@ -378,7 +375,7 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     assert (
         len(texts)
         == len(table.rows)
-        == sum(bool(metric.row.label and metric.row.always) for metric in all_metrics())
+        == sum(bool(metric.row.label and metric.row.always) for metric in Metric.all())
     )
     assert list(texts)[:3] == ["tracking error, RMS", "tracking error, max", "tracking error, final"]
     assert texts["settling time"] == ("s", "1.000")

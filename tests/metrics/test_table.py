@@ -9,7 +9,7 @@ from pathlib import Path
 import pyarrow.parquet as parquet
 import pytest
 
-from cranectl.metrics import Metric, RunMetrics, all_metrics, low_is_bad
+from cranectl.metrics import Metric, RunMetrics
 from cranectl.metrics.table import METRICS
 from cranectl.support.errors import InputError
 from tests.conftest import ROOT
@@ -47,7 +47,7 @@ def test_a_row_is_consistent(metric: Metric) -> None:
 def test_names_are_there_once() -> None:
     columns = [column for metric in METRICS for column in metric.columns]
     assert len(set(columns)) == len(columns)
-    assert [name for name in columns if low_is_bad(name)] == ["min_clearance_m", "min_rope_tension_n"]
+    assert [name for name in columns if Metric.low_is_bad(name)] == ["min_clearance_m", "min_rope_tension_n"]
     places = [metric.row.place for metric in METRICS if metric.row.label]
     assert sorted(places) == list(range(1, len(places) + 1))
 
@@ -107,7 +107,7 @@ def test_what_is_no_metric_is_refused(entry: str, message: str, monkeypatch: pyt
     entries = [EntryPoint("mine", entry, "cranectl.metrics")]
     monkeypatch.setattr("cranectl.support.extensions.entry_points", lambda **_: entries)
     with pytest.raises(InputError) as caught:
-        all_metrics.__wrapped__()
+        Metric.all.__wrapped__()
     assert message in caught.value.found
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cranectl.model import dynamics, flatness
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import ReferenceSettings
 from tests.conftest import random_states, split
 
@@ -38,7 +38,7 @@ def state_derivative(state: np.ndarray, u: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("name", C4_REFERENCES)
 def test_feed_forward_reproduces_every_c4_reference(name: str) -> None:
     """The open loop is integrated to 1e-12, so that any difference is an error of the map."""
-    trajectory = build_trajectory(ReferenceSettings.model_validate(C4_REFERENCES[name]))
+    trajectory = Trajectory.of(ReferenceSettings.model_validate(C4_REFERENCES[name]))
 
     def feed_forward(time: float) -> tuple[np.ndarray, np.ndarray]:
         states, inputs = flatness.states_and_inputs(trajectory.sample(np.array([time])), G)

@@ -12,7 +12,7 @@ from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.planning.plan import plan_with_blends
 from cranectl.planning.review import reviews
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath
 from cranectl.scenario.segment_base import SplineLaw
@@ -80,7 +80,7 @@ def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
 
 
 def steps_of_fourth_derivative(of: Scenario, count: int) -> float:
-    samples = build_trajectory(of.reference).sample(np.linspace(0.0, duration_of(of), count))
+    samples = Trajectory.of(of.reference).sample(np.linspace(0.0, duration_of(of), count))
     return float(np.abs(np.diff(samples[:, 12:], axis=0)).max())
 
 
@@ -129,7 +129,7 @@ def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], 
     assert review.proof.is_valid
     assert largest_excess(planned, SAMPLES) < 1e-9
     time = np.linspace(0.0, segment.duration, 20_001)
-    trajectory = build_trajectory(planned.reference)
+    trajectory = Trajectory.of(planned.reference)
     samples = trajectory.sample(time)
     for point in points:
         nearest = np.clip(np.argmin(np.linalg.norm(samples[:, :3] - point, axis=1)), 1, 19_999)
@@ -172,7 +172,7 @@ def test_a_log_contains_the_path_and_replays_to_the_bit(path: str, monkeypatch: 
     every = run.scenario.log.every
     assert np.array_equal(again.reference[::every], run.reference)
     assert np.array_equal(again.table[::every], run.table)
-    trajectory = build_trajectory(run.scenario.reference)
+    trajectory = Trajectory.of(run.scenario.reference)
     assert trajectory.jumps() == []
     end = POINTS[-1] if path == "way points" else (0.4, 1.2, -0.7)
     assert trajectory.sample(np.array([8.0]))[0, :3] == pytest.approx(end, abs=1e-15)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.cases.case import make_case, run_case
+from cranectl.cases import Case
 from cranectl.compare.agreement import judge
 from cranectl.compare.runs import compare_runs
 from cranectl.model import dynamics
@@ -101,8 +101,8 @@ def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)
     for controller in (*ALL_CONTROLLERS, "pid"):
-        case = make_case(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
-        result = run_case(case)
+        case = Case.of(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
+        result = case.run()
         assert [run.plant for run in result.runs] == list(PLANTS)
         assert result.passed or controller == "pid", (
             controller

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from cranectl.cases.case import Case, CaseResult, PairDifference, make_case, run_case
+from cranectl.cases.case import Case, CaseResult, PairDifference
 from cranectl.cases.pairwise import Pairwise
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement, judge
@@ -38,7 +38,7 @@ def assert_random_case_agrees(k: int, plants: Sequence[str], effects: Sequence[s
     """Run the case `k` of the commit; every pair that has limits must agree. The seed is in the message."""
     seed = random_cranes.commit()
     case = next(itertools.islice(random_cranes.random_cases(seed, plants, effects), k, None))
-    result = run_case(case)
+    result = case.run()
     for pair in result.pairs:
         agrees = pair.agreement.passed is not False or random_cranes.is_step_error(case, pair.agreement)
         assert agrees, (seed, k, pair.agreement)
@@ -61,7 +61,7 @@ def judge_unstable_case(friction_in_mujoco: float, monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(random_cranes, "simulate_run", simulate)
     scenario = load_scenario("fixed-position", overrides=UNSTABLE)
-    case = make_case(scenario, controller="lqr-integral", plants=PLANTS[1:], keep="none", pairwise=True)
+    case = Case.of(scenario, controller="lqr-integral", plants=PLANTS[1:], keep="none", pairwise=True)
     a, b = (simulate(scenario, plant=plant, controller=case.controller) for plant in case.plants)
     return case, judge(a, b)
 
@@ -117,7 +117,7 @@ def test_rigid_cranes_of_any_size_agree_with_default_steps(first: int) -> None:
     for case in itertools.islice(generator, first, first + 10):
         assert case.scenario.control.physics_step is None
         assert (case.scenario.effects.names, len(case.plants)) == ((), len(PLANTS))
-        pairs = run_case(case).pairs
+        pairs = case.run().pairs
         assert {(p.agreement.limit_m, p.agreement.limit_rad) for p in pairs} == {(1e-7, 1e-7)}
         if not all(pair.agreement.passed for pair in pairs):
             assert random_cranes.is_amplified(case), (seed, case.scenario.name, pairs)
@@ -145,9 +145,9 @@ def test_rigid_cranes_are_drawn_over_the_whole_range() -> None:
 def test_a_step_that_is_too_long_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The test above fails if the condition allows four times longer steps on the laboratory's rig."""
     scenario = load_scenario("fast-diagonal", overrides=["rig.bridge_time_constant=0.005", "duration=3.5"])
-    case = make_case(scenario, controller="flat-velocity", drive="velocity", plants=PLANTS, keep="none")
-    (good,) = {agreement.passed for agreement in run_case(case).agreements}
+    case = Case.of(scenario, controller="flat-velocity", drive="velocity", plants=PLANTS, keep="none")
+    (good,) = {agreement.passed for agreement in case.run().agreements}
     monkeypatch.setattr("cranectl.plants.steps.STEPS_PER_TIME", 5.0)
-    failed = run_case(case).agreements[0]
+    failed = case.run().agreements[0]
     assert (good, failed.passed) == (True, False)
     assert not random_cranes.is_amplified(case)

@@ -13,7 +13,7 @@ import pytest
 
 import cranectl
 from cranectl.cli.main import main
-from cranectl.compare.agreement import against_reference
+from cranectl.compare import Agreement
 from cranectl.log.overlay import Log
 from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.render.caption import readings
@@ -135,7 +135,7 @@ def test_pictures_and_pages_show_all(log: Path) -> None:
     ]  # fmt: skip
     farthest = max(
         float(np.linalg.norm(a.load_position[-1] - b.load_position[-1]))
-        for a, b in against_reference(list(runs.values()))
+        for a, b in Agreement.pairs(list(runs.values()))
     )
     assert (f"plants apart by {Quantity(farthest, 'm')}", "muted") in readings(timeline, timeline.duration)
     assert main(["report", str(log), "--out", "three.html"]) == 0

@@ -10,9 +10,8 @@ from cranectl.planning.limits import excesses, limits_of
 from cranectl.planning.limits import motion as motion_of_crane
 from cranectl.planning.problem import series_along
 from cranectl.planning.review import curve_of
-from cranectl.reference import build_trajectory
-from cranectl.reference.time_laws import progress
-from cranectl.reference.trajectory import end_point
+from cranectl.reference import Trajectory
+from cranectl.reference.time_laws import TimeLaw
 from cranectl.scenario import Scenario
 
 START = np.array([0.4, 0.5, -0.6])
@@ -28,13 +27,13 @@ units = {time = "ms", length = "mm"}
 def motion(seconds: float = 8.0, rate: float = 50.0, noise: float = 0.0) -> np.ndarray:
     """Return times [s] and load positions [m] (N, 4) of a line from START to TO."""
     time = np.arange(0.0, seconds + 1e-9, 1.0 / rate)
-    points = START + progress("degree-9", time, seconds)[0][:, np.newaxis] * (TO - START)
+    points = START + TimeLaw().progress(time, seconds)[0][:, np.newaxis] * (TO - START)
     return np.column_stack([time, points + np.random.default_rng(0).normal(0.0, noise, points.shape)])
 
 
 def positions(scenario: Scenario) -> np.ndarray:
     """Return the load's positions (N, 3) at the times of `truth`."""
-    return build_trajectory(scenario.reference).sample(motion(rate=100.0)[:, 0])[:, :3]
+    return Trajectory.of(scenario.reference).sample(motion(rate=100.0)[:, 0])[:, :3]
 
 
 def truth() -> np.ndarray:
@@ -68,5 +67,5 @@ def largest_excess(scenario: Scenario, samples: int) -> float:
         assert curve.to_load is not None
         moved = motion_of_crane(curve.to_load(series), limits.gravity)
         worst = max(worst, *(float(over.max()) for over in excesses(moved, limits).values()))
-        point = end_point(segment, point)
+        point = Trajectory.end_of(segment, point)
     return worst

@@ -5,7 +5,7 @@ import pytest
 
 from cranectl.planning.arithmetic import Interval
 from cranectl.planning.blends import deviation, path_with_blends
-from cranectl.reference.geometry import Geometry, Polynomial, blend_corner, geometry_of, parts_of
+from cranectl.reference.geometry import Geometry
 from cranectl.reference.series import Series
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.support.errors import InputError
@@ -39,7 +39,7 @@ def random_corner(seed: int) -> tuple[np.ndarray, list[Line | Arc]]:
             else:
                 angle = float(random.uniform(-5.0, 5.0))
                 segments.append(arc(point[:2] + random.uniform(-0.8, 0.8, 2), angle, **more))
-            point = positions(parts_of(segments, start)[-1], np.ones(1))[0]
+            point = positions(Geometry.parts_of(segments, start)[-1], np.ones(1))[0]
         try:
             path_with_blends(segments, start, "")
         except InputError:
@@ -47,7 +47,7 @@ def random_corner(seed: int) -> tuple[np.ndarray, list[Line | Arc]]:
         return start, segments
 
 
-def derivatives(path: Geometry | Polynomial, s: np.ndarray) -> np.ndarray:
+def derivatives(path: Geometry, s: np.ndarray) -> np.ndarray:
     """Return derivatives with respect to s, (ORDERS, N, 3)."""
     series = Series.from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * (ORDERS - 2)])
     factors = np.cumprod([1.0, *range(1, ORDERS)])
@@ -56,19 +56,19 @@ def derivatives(path: Geometry | Polynomial, s: np.ndarray) -> np.ndarray:
     ).transpose(1, 2, 0)
 
 
-def positions(path: Geometry | Polynomial, s: np.ndarray) -> np.ndarray:
+def positions(path: Geometry, s: np.ndarray) -> np.ndarray:
     return derivatives(path, s)[0]
 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_a_blend_is_as_long_as_its_tolerance_allows(seed: int) -> None:
     start, segments = random_corner(seed)
-    before, after = parts_of(segments, start)
+    before, after = Geometry.parts_of(segments, start)
     (taken,) = path_with_blends(segments, start, "").taken
     allowed = segments[0].blend
     assert 0.0 < taken <= 0.5 * min(before.length, after.length)
     u = np.linspace(0.0, 1.0, 2001)
-    curve = positions(blend_corner(before, after, taken), u)
+    curve = positions(before.blend_into(after, taken), u)
     # The path at equal lengths, without enclosures.
     by_length = (u - 0.5) * 2.0 * taken
     path = np.where(
@@ -87,8 +87,8 @@ def test_a_blend_is_as_long_as_its_tolerance_allows(seed: int) -> None:
 def test_five_derivatives_are_continuous_where_a_blend_meets_its_neighbours(seed: int) -> None:
     start, segments = random_corner(seed)
     path = path_with_blends(segments, start, "")
-    before, after = parts_of(segments, start)
-    curve = blend_corner(before, after, path.taken[0])
+    before, after = Geometry.parts_of(segments, start)
+    curve = before.blend_into(after, path.taken[0])
     for part, s, end in (
         (before, 1.0 - path.taken[0] / before.length, 0.0),
         (after, path.taken[0] / after.length, 1.0),
@@ -105,7 +105,7 @@ def test_five_derivatives_are_continuous_where_a_blend_meets_its_neighbours(seed
 def test_the_enclosure_of_an_interval_contains_all_points_of_a_chain(seed: int) -> None:
     """Intervals across joints too; and the enclosure of a small interval is small."""
     start, segments = random_corner(seed)
-    chain = geometry_of(path_with_blends(segments, start, ""), start)
+    chain = Geometry.of(path_with_blends(segments, start, ""), start)
     random = np.random.default_rng(seed)
     low = random.uniform(0.0, 1.0, 200)
     high = np.minimum(low + 10.0 ** random.uniform(-6.0, -0.5, 200), 1.0)

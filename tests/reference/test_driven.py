@@ -7,19 +7,14 @@ import numpy as np
 import pytest
 from scipy.special import gammainc
 
-from cranectl.cases.case import run_case
 from cranectl.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.reference.driven import (
     DrivenPath,
     HandLimits,
-    drive,
-    driven_derivatives,
-    rest_state,
-    stopping_points,
 )
 from cranectl.scenario import ReferenceSettings
 from validation.proofs import random_joystick
@@ -37,7 +32,7 @@ def hold_commands(*commands: tuple[float, ...], samples: int) -> np.ndarray:
 
 def respond(commands: np.ndarray) -> np.ndarray:
     """Return the motion of an unlimited load from rest at the origin, (N, 5, 3)."""
-    return driven_derivatives(UNLIMITED, drive(UNLIMITED, PERIOD, rest_state(np.zeros(3)), commands))
+    return UNLIMITED.derivatives(UNLIMITED.drive(PERIOD, HandLimits.rest_state(np.zeros(3)), commands))
 
 
 def bang_bang(kernel: np.ndarray) -> np.ndarray:
@@ -64,10 +59,10 @@ def test_the_step_response_is_the_closed_form() -> None:
 def test_a_released_load_comes_to_rest_at_its_stopping_point() -> None:
     random, period = np.random.default_rng(1), 0.03
     for _ in range(20):
-        state = rest_state(random.uniform(-1.0, 1.0, 3))
-        drive(UNLIMITED, period, state, hold_commands(*random.uniform(-0.4, 0.4, (5, 3)), samples=10))
-        predicted = stopping_points(UNLIMITED, state[np.newaxis])[0]
-        drive(UNLIMITED, period, state, hold_commands((0.0, 0.0, 0.0), samples=400))
+        state = HandLimits.rest_state(random.uniform(-1.0, 1.0, 3))
+        UNLIMITED.drive(period, state, hold_commands(*random.uniform(-0.4, 0.4, (5, 3)), samples=10))
+        predicted = UNLIMITED.stopping_points(state[np.newaxis])[0]
+        UNLIMITED.drive(period, state, hold_commands((0.0, 0.0, 0.0), samples=400))
         assert state[:, 0] == pytest.approx(predicted, abs=1e-12)
         assert np.abs(state[:, 1:]).max() < 1e-12
 
@@ -111,7 +106,7 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
     samples = 1000
     impulse = np.zeros((samples, 4))
     impulse[0, 1:] = 1.0
-    kernels = driven_derivatives(free, drive(free, period, rest_state(np.zeros(3)), impulse))[1:, :, 0]
+    kernels = free.derivatives(free.drive(period, HandLimits.rest_state(np.zeros(3)), impulse))[1:, :, 0]
     peaks = np.zeros((3, 2))
     for lead, order, hoist, sign in itertools.product(
         (0.0, bound.overshoot), (1, 2), (-1.0, 0.0, 1.0), (1, -1)
@@ -124,7 +119,7 @@ def test_bounds_hold_under_the_worst_reversals(crane: str) -> None:
         requests[:, 3] = hoist * limits.speed[2]
         travel = hoist * limits.speed[2] * ((samples - 1) * period - 4.0 / limits.bandwidth)
         start = np.array([0.0, 0.0, -drop - travel])  # at the end the rope is as long as it may be
-        rows = driven_derivatives(free, drive(free, period, rest_state(start), requests))
+        rows = free.derivatives(free.drive(period, HandLimits.rest_state(start), requests))
         rows = rows[-drop - 1e-9 <= rows[:, 0, 2]]
         rows = rows[rows[:, 0, 2] < 0.0]
         states, inputs = states_and_inputs(rows.reshape(-1, 15), gravity)
@@ -178,11 +173,9 @@ def test_the_bridge_overshoots_the_end_of_the_rig_only_with_a_faster_filter(
     filtered = HandLimits(speed_up * limits.bandwidth, limits.speed, limits.low, limits.high)
     over = []
     for samples in (100, 200, 400, 800):
-        state = rest_state(np.array([limits.high[0], 0.7, limits.low[2]]))
+        state = HandLimits.rest_state(np.array([limits.high[0], 0.7, limits.low[2]]))
         commands = [(-limits.speed[0], 0.0, 0.0), *[(limits.speed[0], 0.0, 0.0)] * 4]
-        rows = driven_derivatives(
-            filtered, drive(filtered, PERIOD, state, hold_commands(*commands, samples=samples))
-        )
+        rows = filtered.derivatives(filtered.drive(PERIOD, state, hold_commands(*commands, samples=samples)))
         states, _ = states_and_inputs(rows.reshape(-1, 15), scenario.rig.gravity)
         over.append((states[:, 0] - limits.high[0]).max())
     assert max(over) > 1e-4 if overshoots else max(over) <= 1e-12
@@ -200,7 +193,7 @@ def test_random_commands_stay_inside_the_limits() -> None:
 def test_plants_agree_under_random_commands(k: int) -> None:
     seed = random_joystick.commit()
     scenario = next(itertools.islice(random_joystick.random_drives(seed, "fixed-position"), k, None))
-    (pair,) = run_case(random_joystick.case_of(scenario)).pairs
+    (pair,) = random_joystick.case_of(scenario).run().pairs
     assert pair.agreement.passed, (seed, k, pair.agreement)
     assert pair.agreement.limit_m == 1e-7
 
@@ -224,7 +217,7 @@ def driven(**changes: object) -> dict:
 
 def path(**changes: object) -> DrivenPath:
     reference = {"start": [1.0, 0.7, -0.7], "segments": [driven(**changes)]}
-    return build_trajectory(ReferenceSettings.model_validate(reference)).paths[0]
+    return Trajectory.of(ReferenceSettings.model_validate(reference)).paths[0]
 
 
 def test_the_path_is_as_exact_between_samples() -> None:
@@ -244,7 +237,7 @@ def test_the_load_moves_straight_to_a_goal_without_overshoot() -> None:
 
 def test_the_stopping_point_stays_in_the_box_and_the_load_with_it() -> None:
     into = path(wishes=[[0.0, 0.45, -0.45, 0.27], [4.5, -0.45, 0.45, -0.27], RELEASED])
-    stop = stopping_points(into.limits, into._states)
+    stop = into.limits.stopping_points(into._states)
     low, high = into.limits.low, into.limits.high
     assert stop.min(axis=0) == pytest.approx(low, abs=1e-12)
     assert stop.max(axis=0) == pytest.approx(high, abs=1e-12)

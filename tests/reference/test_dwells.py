@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario.segments import Hold, Spline
 from cranectl.support.errors import InputError
 from tests.reference.recordings import scenario_of
@@ -23,7 +23,7 @@ def segment(points: list[list[float]], timing: str) -> str:
 
 def kinds(points: list[list[float]], times: list[float], tmp_path: Path) -> list[tuple[str, float]]:
     scenario = scenario_of(tmp_path, segment(points, f"times = {times}"), start=START, duration=20.0)
-    assert build_trajectory(scenario.reference).jumps() == []
+    assert Trajectory.of(scenario.reference).jumps() == []
     return [(segment.kind, segment.duration) for segment in scenario.reference.segments]
 
 
@@ -34,7 +34,7 @@ def test_the_load_rests_at_a_point_that_has_two_times(tmp_path: Path) -> None:
     assert isinstance(before, Spline)
     assert isinstance(rest, Hold)
     assert isinstance(after, Spline)
-    trajectory = build_trajectory(scenario.reference)
+    trajectory = Trajectory.of(scenario.reference)
     assert trajectory.joints == pytest.approx([0.0, 4.0, 7.0, 12.0])
     assert trajectory.jumps() == []
     resting = trajectory.sample(np.linspace(4.0, 7.0, 301))

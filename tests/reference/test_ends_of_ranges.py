@@ -11,7 +11,7 @@ import pytest
 from pydantic import BaseModel
 
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.scenario.effects import DriveLimits
@@ -115,7 +115,7 @@ def test_a_motion_keeps_its_limits_or_is_refused_with_a_remedy(
         assert scenario.found
         assert scenario.remedy
         return
-    trajectory = build_trajectory(scenario.reference)
+    trajectory = Trajectory.of(scenario.reference)
     assert trajectory.jumps() == []
     time = np.linspace(0.0, trajectory.joints[-1], 2001)
     assert np.isfinite(trajectory.sample(time)).all()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario.segments import Spline
 from cranectl.support.errors import InputError
 from tests.reference.recordings import SAMPLES, motion, positions, scenario_of, truth, write_csv
@@ -51,7 +51,7 @@ def test_way_points_are_passed_at_the_times_that_the_timing_implies(
     (spline,) = scenario.reference.segments
     assert isinstance(spline, Spline)
     assert spline.breaks == pytest.approx(breaks)
-    passed = build_trajectory(scenario.reference).sample(np.array(spline.breaks))[:, :3]
+    passed = Trajectory.of(scenario.reference).sample(np.array(spline.breaks))[:, :3]
     assert passed == pytest.approx(np.array(spline.made_from["points"]), abs=1e-12)
 
 

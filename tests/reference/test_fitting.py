@@ -6,14 +6,14 @@ from scipy.interpolate import BSpline
 
 from cranectl.reference.fitting import FOLD_BLOCK, FOLDS, RecordedSamples, interpolate_points
 from cranectl.reference.normal_equations import DEGREE
-from cranectl.reference.time_laws import progress, spline
+from cranectl.reference.time_laws import TimeLaw, spline
 
 NOISE = 1e-3  # [m]
 
 
 def line(time: np.ndarray, duration: float = 10.0) -> np.ndarray:
     """Position and four derivatives (5, N, 3) of a smooth motion from rest to rest."""
-    return progress("degree-9", time, duration)[:, :, np.newaxis] * np.array([1.0, 0.4, -0.3])
+    return TimeLaw().progress(time, duration)[:, :, np.newaxis] * np.array([1.0, 0.4, -0.3])
 
 
 def recorded_motion(seed: int, rate: float = 50.0) -> RecordedSamples:

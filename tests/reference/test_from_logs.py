@@ -17,7 +17,7 @@ from cranectl.log.description import LogDescription
 from cranectl.log.export import export_table, exporters
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.segments import Spline
@@ -59,7 +59,7 @@ def test_the_motion_in_a_log_is_followed_again(
 ) -> None:
     directory, run = logged
     scenario = scenario_of(directory, f"{OF_LOG}topic = '{topic}'")
-    rows = build_trajectory(scenario.reference).sample(run.time_ns / 1e9)
+    rows = Trajectory.of(scenario.reference).sample(run.time_ns / 1e9)
     assert rows[:, :3] == pytest.approx(run.reference[:, :3], abs=position)
     peak = np.abs(run.reference[:, 12:]).max()
     assert np.abs(rows[:, 12:] - run.reference[:, 12:]).max() < snap * peak
@@ -168,5 +168,5 @@ def test_an_exported_table_needs_no_units(tmp_path: Path) -> None:
     columns = ", ".join(f"{axis} = 'reference.load_{axis}'" for axis in "xyz")
     again = scenario_of(tmp_path, f"kind = 'samples'\nfile = 'run.parquet'\ncolumns = {{{columns}}}")
     time = np.linspace(0.0, 8.0, 81)
-    second, first = (build_trajectory(s.reference).sample(time)[:, :3] for s in (again, taken))
+    second, first = (Trajectory.of(s.reference).sample(time)[:, :3] for s in (again, taken))
     assert second == pytest.approx(first, abs=1e-6)

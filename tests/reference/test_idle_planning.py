@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario.along_path import Arc, BlendedPath, Line
 from cranectl.scenario.load import read_scenario
 from cranectl.scenario.planning import PlanningSettings
@@ -104,7 +104,7 @@ OTHER_PLAN: dict[str, Any] = {
 
 def sampled_reference(overrides: list[str]) -> bytes:
     """Return the reference at 101 times, and these times, as bytes."""
-    trajectory = build_trajectory(load_scenario("fixed-position", overrides=overrides).reference)
+    trajectory = Trajectory.of(load_scenario("fixed-position", overrides=overrides).reference)
     times = np.linspace(0.0, trajectory.joints[-1], 101)
     return trajectory.sample(times).tobytes() + times.tobytes()
 

@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from cranectl.planning import load_scenario
+from cranectl.reference import Geometry
 from cranectl.reference.fitting import interpolate_path, interpolate_points
-from cranectl.reference.geometry import geometry_of
 from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Spline
@@ -49,7 +49,7 @@ def test_the_path_coordinate_of_a_spline_is_the_share_of_its_parameter() -> None
         kind="spline", degree=7, breaks=breaks, coefficients=coefficients, time_law="minimum-time"
     )
     s = np.linspace(0.0, 1.0, 401)
-    path = geometry_of(segment, np.zeros(3))
+    path = Geometry.of(segment, np.zeros(3))
     series = path([Series.from_derivatives([s, np.ones_like(s), *[np.zeros_like(s)] * 4])])
     curve = spline(np.array(breaks), np.array(coefficients), 7)
     for order, factor in enumerate(np.cumprod([1.0, *range(1, 6)])):

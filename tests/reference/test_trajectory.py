@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from cranectl.reference import REST_DERIVATIVES, Trajectory, build_trajectory, time_law
+from cranectl.reference import REST_DERIVATIVES, TimeLaw, Trajectory
 from cranectl.scenario import ReferenceSettings
 from cranectl.support.errors import InputError
 
 
 @pytest.mark.parametrize(("name", "rest"), REST_DERIVATIVES.items())
 def test_a_time_law_goes_from_rest_to_rest(name: str, rest: int) -> None:
-    ends = time_law(name, np.array([0.0, 1.0]))
+    ends = TimeLaw(name).sample(np.array([0.0, 1.0]))
     assert ends[0].tolist() == [0.0, 1.0]
     assert ends[1 : rest + 1] == pytest.approx(np.zeros((rest, 2)), abs=1e-12)
     if rest < 4:
@@ -21,9 +21,10 @@ def test_a_time_law_goes_from_rest_to_rest(name: str, rest: int) -> None:
 
 def test_time_laws_are_the_known_polynomials() -> None:
     tau = np.linspace(0.0, 1.0, 101)
-    assert time_law("degree-5", tau)[0] == pytest.approx(10 * tau**3 - 15 * tau**4 + 6 * tau**5, abs=1e-14)
+    five = 10 * tau**3 - 15 * tau**4 + 6 * tau**5
+    assert TimeLaw("degree-5").sample(tau)[0] == pytest.approx(five, abs=1e-14)
     nine = 126 * tau**5 - 420 * tau**6 + 540 * tau**7 - 315 * tau**8 + 70 * tau**9
-    assert time_law("degree-9", tau)[0] == pytest.approx(nine, abs=1e-13)
+    assert TimeLaw().sample(tau)[0] == pytest.approx(nine, abs=1e-13)
 
 
 SEGMENTS = {
@@ -45,7 +46,7 @@ START = [0.2, 0.3, -0.4]
 
 def trajectory(*segments: dict, continuity: int = 4) -> Trajectory:
     settings = {"start": START, "segments": list(segments), "continuity": continuity}
-    return build_trajectory(ReferenceSettings.model_validate(settings))
+    return Trajectory.of(ReferenceSettings.model_validate(settings))
 
 
 @pytest.mark.parametrize("kind", SEGMENTS)

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.cases.case import Case, CaseResult, Failure, RunSummary, make_case
-from cranectl.cases.validation import Validation, judged_values
+from cranectl.cases import JudgedValue
+from cranectl.cases.case import Case, CaseResult, Failure, RunSummary
+from cranectl.cases.validation import Validation
 from cranectl.cases.workers import CasesOutcome
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
@@ -35,7 +36,7 @@ def result(*runs: RunSummary, agreement: Agreement = AGREE) -> CaseResult:
 
 
 def case(name: str = "ship-to-shore", controller: str = "lqr") -> Case:
-    return make_case(load_scenario(name), controller=controller, plants=PLANTS)
+    return Case.of(load_scenario(name), controller=controller, plants=PLANTS)
 
 
 def validation(*outcomes: tuple[Case, CaseResult | Failure], **unloaded: Failure) -> Validation:
@@ -63,7 +64,7 @@ def test_a_motion_in_words(name: str, motion: str) -> None:
 
 
 def test_a_limit_is_judged_once_on_the_reference_plant() -> None:
-    values = list(judged_values(result(*(run(plant, BROKEN, KEPT) for plant in PLANTS))))
+    values = list(JudgedValue.of_case(result(*(run(plant, BROKEN, KEPT) for plant in PLANTS))))
     error, sway, plants = values
     assert {v.key: v.kept for v in values} == {"max_error_m": False, "max_sway_rad": True, "plants": True}
     assert error.fault == "Largest tracking error of the load is 684.8 mm, the limit is 500 mm."
@@ -78,10 +79,10 @@ def test_a_limit_is_judged_once_on_the_reference_plant() -> None:
 
 def test_a_limit_that_only_another_plant_breaks_names_that_plant() -> None:
     fine = replace(BROKEN, value=0.4999, kept=True)
-    (value, _) = judged_values(result(run("elastic", BROKEN), run("mujoco", fine)))
+    (value, _) = JudgedValue.of_case(result(run("elastic", BROKEN), run("mujoco", fine)))
     assert value.fault.startswith("Largest tracking error of the load (elastic) is 684.8 mm")
     own = LimitVerdict("min_rope_tension_n", None, 1000.0, kept=False)
-    (value, _) = judged_values(result(run("elastic", own), run("mujoco")))
+    (value, _) = JudgedValue.of_case(result(run("elastic", own), run("mujoco")))
     assert value.fault == "Smallest tension of the rope (elastic) is missing, the limit is 1 kN."
     assert value.sign == "≥"
 
@@ -153,7 +154,7 @@ def test_of_many_cases_that_fail_the_least_are_folded(monkeypatch: pytest.Monkey
 
 def test_the_facts_tell_masses_digest_and_version() -> None:
     outcome = result(run("mujoco", KEPT))
-    heavier = make_case(load_scenario("ship-to-shore", overrides=["rig.load_mass=15e3"]), plants=PLANTS)
+    heavier = Case.of(load_scenario("ship-to-shore", overrides=["rig.load_mass=15e3"]), plants=PLANTS)
     digests = set()
     for made in (case(), case(), case(controller="pid"), heavier):
         page, text = page_of(validation((made, outcome)))

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.metrics import run_metrics
-from cranectl.metrics.limits import judge_limits, limits_of
+from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
@@ -114,7 +113,7 @@ def test_a_run_is_finite_and_whole_or_is_refused_with_what_to_do(case: tuple[str
     assert metrics is not None
     numbers = [value for _, value in Tree(metrics.to_json()).leaves() if isinstance(value, float)]
     assert not any(map(math.isnan, numbers))
-    for verdict in judge_limits(metrics, limits_of(run.scenario, ["analytic"])["analytic"]):
+    for verdict in LimitVerdict.judge(metrics, Limits.by_plant(run.scenario, ["analytic"])["analytic"]):
         assert isinstance(verdict.kept, bool)
 
 

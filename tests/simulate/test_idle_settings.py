@@ -17,8 +17,7 @@ import pytest
 from cranectl.controllers.registry import ALL_CONTROLLERS, WHERE, controller_names
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
-from cranectl.metrics import run_metrics
-from cranectl.metrics.limits import judge_limits, limits_of
+from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
@@ -105,7 +104,7 @@ def outcome(overrides: list[str], plant: str, drive: str, controller: str) -> tu
     run = simulate_run(scenario, plant=plant, drive=drive, controller=controller)
     metrics = run_metrics(run)
     assert metrics is not None
-    verdicts = judge_limits(metrics, limits_of(scenario, [plant])[plant])
+    verdicts = LimitVerdict.judge(metrics, Limits.by_plant(scenario, [plant])[plant])
     moved = run.block("state").tobytes(), run.block("load").tobytes(), run.reference.tobytes()
     return scenario, (moved, metrics.to_json(), verdicts, run.status.label == scenario.expected)
 

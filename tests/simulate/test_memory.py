@@ -9,7 +9,7 @@ import pytest
 from cranectl.analysis.ladder import evaluate_levels
 from cranectl.campaign.load import load_campaign
 from cranectl.campaign.worker import PreparedCampaign
-from cranectl.cases.case import make_case, run_case
+from cranectl.cases import Case
 from cranectl.cli.main import main
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
@@ -63,13 +63,13 @@ def test_a_case_needs_at_most_the_bound_and_a_good_part_of_it(
     controller: str, plants: tuple[str, ...], drive: str, overrides: tuple[str, ...], tmp_path: Path,
     counted: list[float],
 ) -> None:  # fmt: skip
-    case = make_case(
+    case = Case.of(
         scenario(*overrides), controller=controller, drive=drive, plants=plants, log=tmp_path / "a.mcap"
     )  # type: ignore[arg-type]
-    run_case(make_case(scenario(*overrides, duration=0.1), controller=controller, drive=drive, plants=plants,
-                       log=tmp_path / "b.mcap"))  # type: ignore[arg-type]  # fmt: skip
+    Case.of(scenario(*overrides, duration=0.1), controller=controller, drive=drive, plants=plants,
+            log=tmp_path / "b.mcap").run()  # type: ignore[arg-type]  # fmt: skip
     counted.clear()
-    used = peak(lambda: run_case(case))
+    used = peak(lambda: case.run())
     assert 0.15 * max(counted) < used < max(counted) + OVERHEAD
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import foxglove
 from foxglove.mcap import MCAPWriteOptions
 
-from cranectl.cases.workers import available_cores
+from cranectl.cli.counts import available_cores
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log.messages import streams
 from cranectl.log.reader import read_log, read_signal

@@ -19,19 +19,20 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.cases.case import Case, make_case
-from cranectl.cases.pairwise import pairwise
+from cranectl.cases import Pairwise
+from cranectl.cases.case import Case
 from cranectl.cases.validation import Validation
-from cranectl.cases.workers import available_cores, run_cases
+from cranectl.cases.workers import run_cases
+from cranectl.cli.counts import available_cores
 from cranectl.cli.output import Screen
-from cranectl.compare.agreement import Agreement, AgreementLimits, judge, pair_limits, with_finer_steps
+from cranectl.compare.agreement import Agreement, AgreementLimits, judge, pair_limits
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
 from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS
-from cranectl.plants.steps import longest_agreeing_step
+from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
 from cranectl.report.run.differences import pair_tables
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
@@ -67,7 +68,7 @@ def random_cases(seed: str, plants: Sequence[str], effects: Sequence[str] = EFFE
             scenario = load_scenario("fixed-position", overrides=overrides)
             suited = [plant for plant in plants if _can_run(plant, scenario, drive)]
             if len(suited) > 1:
-                yield make_case(
+                yield Case.of(
                     scenario, controller=controller, drive=drive, plants=suited, keep="none", pairwise=True
                 )
         except InputError:
@@ -83,7 +84,7 @@ def random_rigs(seed: str, plants: Sequence[str], *, steps: int = RIGID_STEPS) -
         random = np.random.default_rng([int(seed, 16), 1, k])
         drive, controller = str(random.choice([*DRIVES])), str(random.choice(controller_names()))
         try:  # a path may leave the rig, and a controller may be unstable when sampled
-            yield make_case(
+            yield Case.of(
                 _random_rig(random, drive, f"rigid-{k + 1}", steps),
                 controller=controller,
                 drive=drive,
@@ -209,7 +210,8 @@ def is_step_error(case: Case, agreement: Agreement) -> bool:
     An unstable loop amplifies without bound what the steps leave, so no fixed limit holds there. A difference
     of the models stays, however short the steps are.
     """
-    plants, finer = (agreement.plant, agreement.reference), with_finer_steps(case.scenario, case.drive, FINER)
+    plants = agreement.plant, agreement.reference
+    finer = PhysicsStep(case.scenario, case.drive).refined(FINER)
     limits = pair_limits(case.scenario, case.drive, plants)
     if finer is None or not isinstance(limits, AgreementLimits):
         return False
@@ -235,7 +237,7 @@ def main() -> int:
     generator = draw(options.seed, PLANTS.to_run(options.plants.split(",")))
     cases = tuple(itertools.islice(generator, options.cases))
     validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
-    for table in pair_tables(pairwise(validation)):
+    for table in pair_tables(Pairwise.of(validation)):
         screen.print(table)
     failed, excuse = 0, "an unstable loop" if options.rigid else "it vanishes with the step"
     for case, result in validation.results:

@@ -13,9 +13,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cranectl.cases.case import Case, make_case
+from cranectl.cases.case import Case
 from cranectl.cases.validation import Validation
-from cranectl.cases.workers import available_cores, run_cases
+from cranectl.cases.workers import run_cases
+from cranectl.cli.counts import available_cores
 from cranectl.cli.output import Screen
 from cranectl.live.hand import HandReference, HandRequest
 from cranectl.live.hand_limits import hand_limits
@@ -86,7 +87,7 @@ def limit_usage(scenario: Scenario) -> dict[str, float]:
 
 def case_of(scenario: Scenario) -> Case:
     """Return a case that compares two plants with the smallest limits."""
-    return make_case(
+    return Case.of(
         scenario, controller="lqr", drive="ideal", plants=("analytic", "mujoco"), keep="none", pairwise=True
     )
 

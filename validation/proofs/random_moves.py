@@ -21,7 +21,7 @@ from cranectl.planning import load_scenario, plan_motions
 from cranectl.planning.limits import constraints, limits_of, motion
 from cranectl.planning.plan import plan_move
 from cranectl.planning.problem import ORDERS
-from cranectl.reference import end_point, time_law
+from cranectl.reference import TimeLaw, Trajectory
 from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from cranectl.scenario import Scenario, Segment
@@ -140,10 +140,10 @@ def load_series(plan: Scenario, samples: int) -> list[list[Array]]:
             tables.append([curve.derivative(k)(times) if k else curve(times) for k in range(ORDERS)])
         else:
             assert isinstance(segment, Line)
-            law = time_law("degree-9", times / times[-1], ORDERS) / times[-1] ** np.arange(ORDERS)[:, None]
+            law = TimeLaw().sample(times / times[-1], ORDERS) / times[-1] ** np.arange(ORDERS)[:, None]
             displacement = np.array(segment.to) - start
             tables.append([s[:, None] * displacement + (k == 0) * start for k, s in enumerate(law)])
-        start = end_point(segment, start)
+        start = Trajectory.end_of(segment, start)
     values = np.concatenate(tables, axis=1)
     return [Series.from_derivatives(list(values[:, :, axis])) for axis in range(3)]
 

@@ -28,7 +28,7 @@ from cranectl.design import design_controller
 from cranectl.design.mixed_sensitivity import hinf_robustifier
 from cranectl.model.flatness import flat_output, slopes_from_angles
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
@@ -412,7 +412,7 @@ def simulate(hypothesis: Hypothesis, scenario: Scenario, controller: str) -> Arr
         system = hinf_robustifier(design.gain, settings)[0]
         a, b, c = system.A, system.B.ravel(), system.C.ravel()
     time = np.arange(round(scenario.duration / TABLE_STEP) + 2) * TABLE_STEP
-    rows = build_trajectory(scenario.reference).sample(time)
+    rows = Trajectory.of(scenario.reference).sample(time)
     steps = [amount * (time > t - 1e-9) for amount, t in zip(h.disturbance, h.times, strict=True)]
     gain = design.gain if h.gain_digits is None else np.round(design.gain, h.gain_digits)
     loop = Loop(

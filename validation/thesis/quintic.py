@@ -16,7 +16,7 @@ import numpy as np
 from cranectl.design import design_controller
 from cranectl.design.linear_systems import inner_loop
 from cranectl.planning import load_scenario
-from cranectl.reference import build_trajectory
+from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 
@@ -58,7 +58,7 @@ def predicted_error(feedback: str) -> float:
     settings = scenario("degree-5").reference
     ends = np.cumsum([0.0, *(segment.duration for segment in settings.segments)])
     instants = np.array([ends - 1e-6, ends + 1e-6]).clip(min=0.0)
-    before, after = (build_trajectory(settings).sample(times)[:, 9:12] for times in instants)
+    before, after = (Trajectory.of(settings).sample(times)[:, 9:12] for times in instants)
     before[0] = 0.0  # at rest before the start
     jump = np.linalg.norm(after - before, axis=1).max()
     response = control.impulse_response(inner_loop(design_controller(feedback).gain), np.linspace(0, 8, 4001))

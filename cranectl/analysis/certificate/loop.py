@@ -24,7 +24,7 @@ from cranectl.analysis.certificate.linear_plant import LinearPlant
 from cranectl.analysis.certificate.nu_gap import Graph
 from cranectl.analysis.certificate.systems import Complex, SampledSystem, close_inputs, with_delay
 from cranectl.controllers import CRANE_STATES, LinearController
-from cranectl.design import Design, diagonal, sampled_blocks, zero_order_hold
+from cranectl.design import Design, zero_order_hold
 from cranectl.scenario import DesignSettings
 from cranectl.support import Array, InputError
 
@@ -103,11 +103,10 @@ class AxisDesign:
 
 def flat_axis(design: Design, period: float) -> AxisDesign:
     """Return the chain z'''' = v, its state feedback, and the sampled robustifier from e to v-bar."""
-    r = design.robustifier
-    blocks = sampled_blocks(r.a, r.b, r.c, r.d, period)
+    blocks = design.robustifier.sampled(period)
     first = np.eye(1, SIGNALS)
     robustifier = SampledSystem(
-        diagonal(blocks.state_matrix),
+        blocks.matrix,
         blocks.input_matrix.reshape(-1, 1) @ first,
         blocks.output_matrix.reshape(1, -1),
         blocks.feedthrough * first,

@@ -14,7 +14,7 @@ import numpy as np
 
 from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.summary import EFFORT, Columns, effort, failed
-from cranectl.metrics import DRIVES
+from cranectl.metrics import Metric
 from cranectl.support import Array, File, InputError, Mask
 
 VARIATION = "variation_m_s2"  # sum of the command variations of all drives
@@ -82,7 +82,9 @@ def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
     """Return the runs of one trial from the columns of its result and the `limits` of its campaign."""
     metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
     metrics[EFFORT] = effort(column)
-    metrics[VARIATION] = np.sum([column(f"command_variation_m_s2_{drive}") for drive in DRIVES], axis=0)
+    metrics[VARIATION] = np.sum(
+        [column(name) for name in Metric.named("command_variation_m_s2").columns], axis=0
+    )
     return Runs(failed(column, limits), tuple(np.asarray(column("status")).tolist()), metrics)
 
 

@@ -25,7 +25,7 @@ from cranectl.campaign.definition import Campaign
 from cranectl.campaign.load import unchecked_campaign
 from cranectl.campaign.settings import is_distribution, parse_campaign
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.metrics import limits_of
+from cranectl.metrics import Limits
 from cranectl.plants import PhysicsStep
 from cranectl.scenario import read_scenario
 from cranectl.support import InputError, Provenance, Shipped, Tree
@@ -188,7 +188,7 @@ def trial_campaign(
         "sampling": "monte-carlo",
         "set": [*benchmark.set, *measured.set, *numbers],
         "uncertain": _flat(benchmark.uncertain, measured.uncertain),
-        "limits": limits_of(read_scenario(file), [plant])[plant],
+        "limits": Limits.by_plant(read_scenario(file), [plant])[plant],
         **settings,
     }
     campaign = unchecked_campaign(parse_campaign(table, benchmark.name))

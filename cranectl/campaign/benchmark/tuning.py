@@ -30,7 +30,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, StoppedError
 from cranectl.campaign.workers import Children, make_worker
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.metrics import DRIVES
+from cranectl.metrics import Metric
 from cranectl.scenario import Scenario
 from cranectl.simulate import BLOCK_TIMEOUT
 from cranectl.status import RunStatus
@@ -56,7 +56,7 @@ def run_cost(row: Row, scenario: Scenario, exceeds_limit: bool, variation_price:
     """
     if row["status"] != RunStatus.COMPLETED.label:
         return STOPPED + 1.0 - _number(row["end_s"]) / scenario.duration
-    variation = sum(_number(row[f"command_variation_m_s2_{drive}"]) for drive in DRIVES)
+    variation = sum(_number(row[name]) for name in Metric.named("command_variation_m_s2").columns)
     cost = (
         (_number(row["rms_error_m"]) + _number(row["final_error_m"]))
         / (5.0 * scenario.metrics.settling_tolerance)

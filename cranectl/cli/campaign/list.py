@@ -60,7 +60,7 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.workers import estimated_seconds
-        from cranectl.cases.workers import available_cores
+        from cranectl.cli.counts import available_cores
 
         cores = available_cores()
         with progress_bar(1.0, "running the nominal scenario", done="measured"):

@@ -93,8 +93,8 @@ def run_campaign(
     from cranectl.campaign.results import open_store, read_results
     from cranectl.campaign.table import FAILED
     from cranectl.campaign.workers import batch_engine
-    from cranectl.cases.workers import available_cores
     from cranectl.cli.campaign.results import show_result
+    from cranectl.cli.counts import available_cores
     from cranectl.cli.idle import idle_in_campaign, idle_timeout, print_idle
 
     if resume and overwrite:

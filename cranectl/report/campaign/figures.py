@@ -19,7 +19,7 @@ from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
-from cranectl.metrics import low_is_bad
+from cranectl.metrics import Metric
 from cranectl.report.campaign.tables import METRIC_LABELS, metric_name, number, parameter_label
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, label_log_axis, make_room
 from cranectl.support import Array, Mask
@@ -50,7 +50,7 @@ def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
         for k, group in enumerate(groups):
             values = group.metrics[metric][group.has_run]
             x, share = empirical_distribution(values)
-            if low_is_bad(metric):
+            if Metric.low_is_bad(metric):
                 share = share + np.isnan(values).sum() / max(1, values.size)
             label = group.controller if metric == MEASURE else None
             axes.step(x, share, where="post", label=label, **series_style(k))

@@ -10,7 +10,7 @@ from cranectl.campaign.manifest import resume_command
 from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, compared_parameters, software_notes
-from cranectl.metrics import low_is_bad
+from cranectl.metrics import Metric
 from cranectl.report.campaign import figures, tables
 from cranectl.report.campaign.tables import metric_name, number
 from cranectl.report.page import Figure, Page, Section
@@ -217,7 +217,7 @@ def _summary_of(results: Results) -> Iterator[str]:
         f"{listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
         f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
     )
-    beyond = "; ".join(f"{m} {'below' if low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)
+    beyond = "; ".join(f"{m} {'below' if Metric.low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)
     yield f"A run fails if it stops before its end{f', or with {beyond}' if beyond else ''}."
 
 

@@ -18,14 +18,14 @@ from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
-from cranectl.metrics import all_metrics
+from cranectl.metrics import Metric
 from cranectl.report.table import Cell, Table, cells, tabulate
 from cranectl.support import Array
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures
 LISTED = 12  # sample indices in a cell
-METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in all_metrics() if m.compared}
+METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in Metric.all() if m.compared}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 

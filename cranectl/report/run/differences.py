@@ -5,8 +5,8 @@ from dataclasses import replace
 from math import isnan
 from typing import Any
 
-from cranectl.cases.pairwise import Pairwise, WorstPair
-from cranectl.compare import Comparison, RegressionVerdict, worst_first
+from cranectl.cases import Pairwise, WorstPair
+from cranectl.compare import Comparison, RegressionVerdict
 from cranectl.plants import PhysicsStep
 from cranectl.report.table import ANSWERS, VERDICTS, Cell, Table, cells, tabulate
 from cranectl.simulate import Run
@@ -160,7 +160,7 @@ def regressions_table(outcomes: Mapping[str, Sequence[RegressionVerdict] | str])
             rows.append(cells(path, "", verdicts, "", "", VERDICTS[False]))
             continue
         for verdict in verdicts:
-            worst = worst_first(verdict.signals)[0]
+            worst = verdict.worst_first[0]
             said = worst.signal if verdict.same_status and verdict.ends_passed else "ends otherwise"
             numbers = Quantity(worst.max_abs).si_difference(), f"{worst.limit:.1e}"
             rows.append(cells(path, verdict.plant, said, *numbers, VERDICTS[verdict.passed]))

@@ -7,10 +7,9 @@ from math import degrees
 import numpy as np
 from PIL.Image import Image
 
-from cranectl.cases.case import RunSummary, judged_limits
-from cranectl.cases.drive_use import drive_uses
-from cranectl.compare import Agreement, ended_as_expected
-from cranectl.metrics import LimitVerdict, RunMetrics, all_metrics
+from cranectl.cases import RunSummary, drive_uses
+from cranectl.compare import Agreement
+from cranectl.metrics import LimitVerdict, Metric, RunMetrics
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, what_differs, what_was_run
@@ -91,7 +90,7 @@ def agreement_sentence(agreements: Agreements) -> str:
 
 def _limits_of(summaries: Summaries) -> list[LimitVerdict]:
     """Return each limit of each log once; the one that is farthest from being kept comes first."""
-    limits = [limit for runs in summaries.values() for _, limit in judged_limits(runs)]
+    limits = [limit for runs in summaries.values() for _, limit in RunSummary.judged_limits(runs)]
     return sorted(limits, key=lambda limit: (limit.kept, -limit.overrun))
 
 
@@ -106,7 +105,7 @@ def _count(number: int, what: str) -> str:
 def _unexpected_ends(logs: Logs) -> Iterator[str]:
     for label, log in logs.items():
         for run in log.values():
-            if not ended_as_expected(run):
+            if not run.ended_as_expected:
                 where = run.plant if len(logs) == 1 else f"{label}, {run.plant}"
                 expected = run.scenario.expected
                 rest = "" if expected == "completed" else f"; expected was {expected}"
@@ -159,7 +158,7 @@ def _broken_limits(limits: Sequence[LimitVerdict]) -> Iterator[str]:
     broken = [limit for limit in limits if not limit.kept]
     if broken:
         (value, limit), name = broken[0].texts, broken[0].metric
-        unit = next(metric.unit for metric in all_metrics() if metric.name == name)
+        unit = Metric.named(name).unit
         many = f"{len(broken)} of {_count(len(limits), 'limit')}" if len(limits) > 1 else "the limit is"
         yield f"{many} broken: {name} is {value or 'missing'} {unit}, its limit is {limit} {unit}"
 

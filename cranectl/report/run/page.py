@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL.Image import Image
 
-from cranectl.cases.case import RunSummary
-from cranectl.compare import Agreement, against_reference, compare_runs, judge
+from cranectl.cases import RunSummary
+from cranectl.compare import Agreement, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
 from cranectl.planning.review import reviews
 from cranectl.plants import PLANTS
@@ -60,7 +60,7 @@ def log_page(
     `notes` stand above the table of runs. `versions` are of the software that made each log.
     """
     pairs = {  # each plant's run with that of the reference plant, where both have samples
-        label: against_reference([run for run in log.values() if len(run.time_ns)], log)
+        label: Agreement.pairs([run for run in log.values() if len(run.time_ns)], log)
         for label, log in logs.items()
     }
     agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}

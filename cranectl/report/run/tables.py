@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from math import degrees, isnan
 from typing import TYPE_CHECKING
 
-from cranectl.cases.case import CaseResult, RunSummary, judged_limits
+from cranectl.cases import CaseResult, RunSummary
 from cranectl.compare import Agreement
-from cranectl.metrics import Metric, RunMetrics, all_metrics
+from cranectl.metrics import Metric, RunMetrics
 from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.support import Quantity
 
@@ -52,7 +52,7 @@ def metrics_table(logs: Mapping[str, Sequence[RunSummary]]) -> Table:
     measured = [run.metrics for runs in logs.values() for run in runs]
     shown = [
         metric
-        for metric in sorted(all_metrics(), key=lambda metric: metric.row.place)
+        for metric in sorted(Metric.all(), key=lambda metric: metric.row.place)
         if metric.row.label
         and (metric.row.always or any(n is not None for run in measured for n in _numbers_of(metric, run)))
     ]
@@ -115,11 +115,11 @@ def limits_table(cases: Iterable[Sequence[RunSummary]], *, worst: int | None = N
     A case has the runs of one scenario, controller and drive on its plants; `judged_limits` chooses among
     them. `worst` restricts the table to that many broken limits, the worst first.
     """
-    verdicts = shown = [pair for runs in cases for pair in judged_limits(runs)]
+    verdicts = shown = [pair for runs in cases for pair in RunSummary.judged_limits(runs)]
     broken = sorted((pair for pair in verdicts if not pair[1].kept), key=lambda pair: -pair[1].overrun)
     if worst is not None:
         shown = broken[:worst]
-    metrics = {metric.name: metric for metric in all_metrics()}
+    metrics = {metric.name: metric for metric in Metric.all()}
     several = len({(run.scenario, run.controller, run.drive) for run, _ in verdicts}) > 1
     rows = []
     for run, verdict in shown:

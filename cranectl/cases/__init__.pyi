@@ -1,0 +1,15 @@
+from .assertions import CaseRuns as CaseRuns
+from .assertions import assert_agree as assert_agree
+from .assertions import assert_limits as assert_limits
+from .case import Case as Case
+from .case import CaseResult as CaseResult
+from .case import Failure as Failure
+from .case import RunSummary as RunSummary
+from .drive_use import drive_uses as drive_uses
+from .judged_values import JudgedValue as JudgedValue
+from .pairwise import Pairwise as Pairwise
+from .pairwise import WorstPair as WorstPair
+from .regression import LogPair as LogPair
+from .regression import Regression as Regression
+from .validation import Validation as Validation
+from .validation import Verdict as Verdict
