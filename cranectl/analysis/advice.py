@@ -21,7 +21,7 @@ from cranectl.design import CONTROLLERS, design_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import EFFECTS, NANOSECONDS, Scenario
 from cranectl.signals import ROPE, ROPE_RATE
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import merged
 
@@ -158,7 +158,7 @@ def assess(scenario: Scenario, controller: str, points: Sequence[OperatingPoint]
 
 def visited_points(scenario: Scenario) -> list[OperatingPoint]:
     """Return the extreme operating points of a scenario: rope lengths, hoisting speeds, disturbances."""
-    plan = plan_scenario(scenario)
+    plan = Plan.of(scenario)
     length, rate = plan.reference_state[:, ROPE], plan.reference_state[:, ROPE_RATE]
     lengths = sorted({round(float(value), 3) for value in (length.min(), length.max())})
     low, high = scenario.rig.rope_range

@@ -19,9 +19,9 @@ from cranectl.compare import (
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, check_writable, write_log
 from cranectl.metrics import LimitVerdict, RunMetrics, judge_limits, limits_of, run_metrics
-from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
+from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Loop, Plan, PreparedController, Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import InputError, MachineError, describe_error
 
@@ -42,7 +42,7 @@ class Case:
     source: str  # name or file of the scenario, as requested
     keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other
-    timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
+    timeout: float = Loop.TIMEOUT  # [s] for a block of a run with an external controller
     left_out: tuple[str, ...] = ()  # default plants that lack an effect, each with the reason
 
     @property
@@ -190,7 +190,7 @@ def make_case(
     source: str | None = None,
     keep: Keep = "all",
     pairwise: bool = False,
-    timeout: float = BLOCK_TIMEOUT,
+    timeout: float = Loop.TIMEOUT,
 ) -> Case:
     """Make a case, by default with the scenario's controller, plants and log.
 
@@ -198,9 +198,9 @@ def make_case(
     runs. Raises InputError for plants that cannot run and for impossible limits.
     """
     requested = tuple(plants)
-    plants = plants_for(scenario.rig, requested)
+    plants = PLANTS.to_run(requested, scenario.rig)
     for plant in plants:
-        examine(plant, scenario.rig)
+        PLANTS.find(plant, scenario.rig)
     left_out = {} if requested else _lacking_effects(scenario, plants, drive)
     plants = tuple(plant for plant in plants if plant not in left_out)
     limits_of(scenario, plants)
@@ -225,8 +225,9 @@ def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) ->
     lines = {}
     for plant in plants:
         try:
-            if drive in PLANTS.entry(plant).drives:
-                check_effects(scenario.effects, plant=plant, drive=drive)
+            entry = PLANTS.entry(plant)
+            if drive in entry.drives:
+                entry.check_effects(scenario.effects, drive)
         except InputError as reason:
             lines[plant] = f"{scenario.name}: {plant} is left out: {reason.found}"
     return lines if len(lines) < len(plants) else {}
@@ -253,13 +254,12 @@ def check_logs_differ(cases: Sequence[Case]) -> None:
 def prepare_case(case: Case) -> dict[str, Any]:
     """Return the arguments of `simulate_run` that all runs of a case share; raise InputError."""
     design = ALL_CONTROLLERS.design(case.controller, case.scenario)
-    check_runs(case.scenario, design, case.drive, len(case.plants), logged=case.keep != "none")
-    plan = plan_scenario(case.scenario)
+    RunMemory(case.scenario).check_runs(design, case.drive, len(case.plants), logged=case.keep != "none")
+    plan = Plan.of(case.scenario)
     return {
         "drive": case.drive,
-        "design": design,
         "plan": plan,
-        "compiled_controller": prepare_controller(case.scenario, design, case.drive, plan),
+        "compiled_controller": PreparedController.of(case.scenario, design, case.drive, plan),
         "timeout": case.timeout,
     }
 
@@ -285,7 +285,7 @@ def run_case(case: Case, *, progress: Callable[[float], None] | None = None) -> 
     shared = prepare_case(case)
     if case.keep != "none":
         check_writable(case.log)
-        check_recordable(case.scenario, shared["design"], case.drive)
+        check_recordable(case.scenario, shared["compiled_controller"].design, case.drive)
     limits = limits_for(case.scenario, case.drive, case.plants)
     runs = simulate_case(case, shared, progress=progress)
     log = None if case.keep == "none" else case.log

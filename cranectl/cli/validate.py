@@ -116,7 +116,7 @@ def validate_command(
     from cranectl.plants import DRIVES, PLANTS, Drive
     from cranectl.report.run.differences import pair_tables
     from cranectl.scenario import scenario_names
-    from cranectl.simulate import BLOCK_TIMEOUT, checked_drive
+    from cranectl.simulate import Loop
 
     own_options = (map_file, sheets, tolerance)  # of measured runs
     if any(map(is_measured, scenarios)) or any(option is not None for option in own_options):
@@ -126,7 +126,7 @@ def validate_command(
         )  # fmt: skip
     names = ALL_CONTROLLERS.chosen(controllers)
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
-    drives = several.get(drive) or (checked_drive(drive),)
+    drives = several.get(drive) or (DRIVES.checked(drive),)
     sources = Counter(_sources(scenarios) or scenario_names())
     screen.print_each(
         f"{name} is given more than once, and judged once" for name, n in sources.items() if n > 1
@@ -176,7 +176,7 @@ def validate_command(
     options = [
         *(("--rig", str(request.rig)) if request.rig else ()),
         *(part for override in request.overrides for part in ("--set", override)),
-        *(("--timeout", f"{timeout:g}") if timeout != BLOCK_TIMEOUT else ()),
+        *(("--timeout", f"{timeout:g}") if timeout != Loop.TIMEOUT else ()),
     ]
     if junit is not None:
         screen.save_junit(junit_cases(validation.verdicts, options), junit)
@@ -234,9 +234,9 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]) -> list["Drive"]:
     """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
-    from cranectl.plants import examine, plants_for
+    from cranectl.plants import PLANTS
 
-    entries = [examine(name, rig) for name in plants_for(rig, names)]
+    entries = [PLANTS.find(name, rig) for name in PLANTS.to_run(names, rig)]
     return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or [*drives[-1:]]
 
 
@@ -246,13 +246,13 @@ def _loaded(
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases.case import Failure
     from cranectl.metrics import limits_of
-    from cranectl.plants import plants_for
+    from cranectl.plants import PLANTS
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            limits_of(scenario, plants_for(scenario.rig, plants))
+            limits_of(scenario, PLANTS.to_run(plants, scenario.rig))
             if usual and (own := scenario.controller.name) not in usual:
                 raise InputError(
                     f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",

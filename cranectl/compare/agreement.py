@@ -16,7 +16,7 @@ from typing import Any
 from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
-from cranectl.simulate import Run, fits, simulate_run
+from cranectl.simulate import Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import Shipped, check_ascending, checks_arguments, read_toml
 
@@ -263,8 +263,10 @@ def judge_steps(
     agreement = judge(*runs, limits=limits)
     if agreement.passed is not False or not isinstance(limits, AgreementLimits):
         return agreement
-    interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
-    if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
+    interrupted, one = any(run.status == RunStatus.INTERRUPTED for run in runs), runs[0]
+    if interrupted or not 1.0 < agreement.excess < math.inf:
+        return agreement
+    if not RunMemory(one.scenario).fits(one.design, one.drive, runs=2 * len(runs)):
         return agreement
     halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
     shorter = with_finer_steps(runs[0].scenario, runs[0].drive, 2**halvings)

@@ -28,7 +28,7 @@ from cranectl.support import (
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
-MEASURE, ADVANCE = 0, 1
+MEASURE, ADVANCE = 0, 1  # actions of `_step`
 
 
 class AddressedPlant(NamedTuple):
@@ -38,13 +38,39 @@ class AddressedPlant(NamedTuple):
     block: Array  # the packed handle
     warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
 
+    @classmethod
+    def of(cls, kernels: Kernels, handle: Any) -> "AddressedPlant":
+        """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
+        warned = np.zeros(1, dtype=np.int64)
+        if UNCOMPILED:
+            return cls(cast(Any, kernels), handle, warned)
+        return cls(_address(kernels, type_of(handle)), packed(handle), warned)
 
-def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
-    """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
-    warned = np.zeros(1, dtype=np.int64)
-    if UNCOMPILED:
-        return AddressedPlant(cast(Any, kernels), handle, warned)
-    return AddressedPlant(_address(kernels, type_of(handle)), packed(handle), warned)
+    @staticmethod
+    def next_states(plant: Plant, ports: Array, winds: Array) -> Array:
+        """Return the states (N, s) of a plant one control period after `ports`, in `winds` (N, 6).
+
+        `ports` (N, s + 5) has its state, the command and the disturbance of the angles. The plant must have
+        kernels, whose handle has the state.
+        """
+        assert plant.kernels is not None
+        following, handle = np.zeros((len(ports), ports.shape[1] - 5)), plant.handle
+        ports, winds = np.ascontiguousarray(ports), np.ascontiguousarray(winds)
+        addressed = AddressedPlant.of(plant.kernels, handle)
+        step_each(addressed, handle.state, np.zeros(7), ports, winds, following)
+        return following
+
+    @staticmethod
+    def object_file(plant: Plant, name: str) -> tuple[bytes, dict[str, int]]:
+        """Return an object file for use without Python, and the actions of its function `name`.
+
+        The function is that which `_address` compiles. Its second argument is one of the actions.
+        """
+        if plant.kernels is None:
+            raise TypeError(f"the {plant.name} plant has no kernels")
+        unpack, kernels = unpacker(type_of(plant.handle)), plant.kernels._asdict()
+        content = jit_object(_step, name, _ARGUMENTS, unpack=unpack, **kernels)
+        return content, {"MEASURE": MEASURE, "ADVANCE": ADVANCE}
 
 
 @functools.cache
@@ -53,14 +79,6 @@ def _address(kernels: Kernels, kind: Any) -> int:
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
     return jit_address(_step, name, _ARGUMENTS, unpack=unpacker(kind), **kernels._asdict())
-
-
-def plant_object(plant: Plant, name: str) -> bytes:
-    """Return an object file with the function `name` that `_address` compiles, for use without Python."""
-    if plant.kernels is None:
-        raise TypeError(f"the {plant.name} plant has no kernels")
-    unpack = unpacker(type_of(plant.handle))
-    return jit_object(_step, name, _ARGUMENTS, unpack=unpack, **plant.kernels._asdict())
 
 
 # `_address` replaces these names by the kernels of a plant when it compiles `_step`.
@@ -138,9 +156,12 @@ def addressed_warnings(plant):
     return plant.warned[0]
 
 
+ADDRESSED = Kernels(measure_addressed, advance_addressed, addressed_warnings)  # they take an AddressedPlant
+
+
 @jit_called
 def step_each(plant, state, load, ports, winds, following):
-    """Write the states one control period after `ports`, see `next_states`, into `following`.
+    """Write the states one control period after `ports`, see `AddressedPlant.next_states`, into `following`.
 
     `state` is that of `plant`; `load` (7,) is work space.
     """
@@ -152,16 +173,3 @@ def step_each(plant, state, load, ports, winds, following):
         advance_addressed(plant, command, ports[k, size + 3 :], winds[k], load)
         for i in range(size):
             following[k, i] = state[i]
-
-
-def next_states(plant: Plant, ports: Array, winds: Array) -> Array:
-    """Return the states (N, s) of a plant one control period after `ports`, in `winds` (N, 6).
-
-    `ports` (N, s + 5) has its state, the command and the disturbance of the angles. The plant must have
-    kernels, whose handle has the state.
-    """
-    assert plant.kernels is not None
-    following, handle = np.zeros((len(ports), ports.shape[1] - 5)), plant.handle
-    ports, winds = np.ascontiguousarray(ports), np.ascontiguousarray(winds)
-    step_each(addressed_plant(plant.kernels, handle), handle.state, np.zeros(7), ports, winds, following)
-    return following

@@ -6,13 +6,13 @@ Compiled code and libraries need about 200 MB more, for any run.
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from cranectl.design import ControllerDesign
-from cranectl.plants import Drive
+from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Drawing, Scenario, nanoseconds
 from cranectl.signals import DISTURBANCE, LOAD, REFERENCE, STATE, recorded_groups
-from cranectl.simulate.run import Run, groups_of
-from cranectl.simulate.signal_path import has_signal_path
+from cranectl.simulate.run import Run
 from cranectl.support import InputError, exact_seconds
 
 MAX_BYTES = 2**30
@@ -29,10 +29,63 @@ DIFFERENCE = len(STATE) + len(LOAD) + 2  # columns: difference of two plants in 
 DRAWN, TRAIL = 30_000, 200_000
 
 
-def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
-    """Raise InputError if the plans of `scenario` and `others` together take too much memory."""
-    samples = sum(planned.steps + 1 for planned in (scenario, *others))
-    check_held(scenario, PLANNING * samples * NUMBER, "the reference")
+class RunMemory(NamedTuple):
+    """The memory that runs of a scenario need. Each check raises InputError for runs that need too much."""
+
+    scenario: Scenario
+
+    def check_planned(self, *, others: Iterable[Scenario] = ()) -> None:
+        """Check the plans of the scenario and `others` together."""
+        samples = sum(planned.steps + 1 for planned in (self.scenario, *others))
+        check_held(self.scenario, PLANNING * samples * NUMBER, "the reference")
+
+    def check_runs(
+        self, design: ControllerDesign, drive: Drive, plants: int = 1, *, logged: bool = False
+    ) -> None:
+        """Check runs on that many `plants` together.
+
+        `logged` says whether a log of them is written, of every n-th sample as in the scenario.
+        """
+        scenario = self.scenario
+        samples, columns = scenario.steps + 1, self._columns(design, drive)
+        needed = NUMBER * (
+            samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples
+        )
+        # The parts of the last run's record are in memory too, until they are joined.
+        parted = DRIVES[drive].has_signal_path(scenario.effects) or scenario.forced
+        last = NUMBER * samples * ((columns if parted else 0) + (NOISE if scenario.effects.sensing else 0))
+        written = 0.0
+        if logged:
+            every = scenario.log.every
+            copied = (plants + 2) * len(REFERENCE) + 3 * (plants - 1) * DIFFERENCE
+            if scenario.steps % every:  # the last sample is logged too
+                copied += columns * plants
+            drawn = DRAWN + TRAIL / Drawing(scenario.rig).trail
+            written = copied * (samples // every + 2) * NUMBER + drawn * plants * scenario.duration
+        many = "a run" if plants == 1 else f"the runs of {plants} plants"
+        check_held(scenario, needed + max(last, written), many, fewer_plants=plants > 1)
+
+    def check_several(
+        self,
+        design: ControllerDesign,
+        runs: int,
+        what: str,
+        *,
+        columns: int = 0,
+        max_bytes: int = MAX_BYTES,
+    ) -> None:
+        """Check `what`: that many runs with effects, and `columns` numbers for each sample besides them."""
+        whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
+        needed = NUMBER * (self.scenario.steps + 1) * (PLANNING + runs * whole + columns)
+        check_held(self.scenario, needed, what, max_bytes=max_bytes)
+
+    def fits(self, design: ControllerDesign, drive: Drive, *, runs: int) -> bool:
+        """Return True if that many runs fit into memory, with their plan."""
+        columns = PLANNED + runs * self._columns(design, drive)
+        return columns * (self.scenario.steps + 1) * NUMBER <= MAX_BYTES
+
+    def _columns(self, design: ControllerDesign, drive: Drive) -> int:
+        return sum(map(len, Run.groups_of(self.scenario, design, drive)))
 
 
 def check_several_plans(scenarios: Iterable[Scenario]) -> None:
@@ -42,48 +95,6 @@ def check_several_plans(scenarios: Iterable[Scenario]) -> None:
         samples = sum(planned.steps + 1 for planned in different)
         what = f"the references of {len(different)} different scenarios, the first"
         check_held(different[0], PLANNED * samples * NUMBER, what, max_bytes=MAX_PLANS_BYTES)
-
-
-def check_runs(
-    scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int = 1, *, logged: bool = False
-) -> None:
-    """Raise InputError if runs on that many `plants` take too much memory together.
-
-    `logged` says whether a log of them is written, of every n-th sample as in the scenario.
-    """
-    samples, columns = scenario.steps + 1, _recorded(scenario, design, drive)
-    needed = NUMBER * (samples * (PLANNED + plants * columns) + COMMAND_UNDER_WAY * scenario.delay_samples)
-    # The parts of the last run's record are in memory too, until they are joined.
-    parted = has_signal_path(scenario.effects, drive) or scenario.forced
-    last = NUMBER * samples * ((columns if parted else 0) + (NOISE if scenario.effects.sensing else 0))
-    written = 0.0
-    if logged:
-        every = scenario.log.every
-        copied = (plants + 2) * len(REFERENCE) + 3 * (plants - 1) * DIFFERENCE
-        if scenario.steps % every:  # the last sample is logged too
-            copied += columns * plants
-        drawn = DRAWN + TRAIL / Drawing(scenario.rig).trail
-        written = copied * (samples // every + 2) * NUMBER + drawn * plants * scenario.duration
-    many = "a run" if plants == 1 else f"the runs of {plants} plants"
-    check_held(scenario, needed + max(last, written), many, fewer_plants=plants > 1)
-
-
-def fits(run: Run, *, more: int) -> bool:
-    """Return True if `more` runs like `run` fit into memory, beside it and one other."""
-    columns = PLANNED + (2 + more) * _recorded(run.scenario, run.design, run.drive)
-    return columns * (run.scenario.steps + 1) * NUMBER <= MAX_BYTES
-
-
-def check_several(
-    scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0, max_bytes: int
-) -> None:
-    """Raise InputError if `what` takes more than `max_bytes`: that many runs with effects, and `columns`.
-
-    `columns` is how many numbers each sample needs besides the runs.
-    """
-    whole = sum(map(len, recorded_groups(design.groups, staged="velocity", forced=True)))
-    needed = NUMBER * (scenario.steps + 1) * (PLANNING + runs * whole + columns)
-    check_held(scenario, needed, what, max_bytes=max_bytes)
 
 
 def check_held(
@@ -112,7 +123,3 @@ def _longer_period(scenario: Scenario, times: int) -> float:
         n for n in range(times, min(periods, times + scenario.control.MAX_DIVISOR) + 1) if periods % n == 0
     )
     return next(fitting, times) * scenario.period_ns / NANOSECONDS
-
-
-def _recorded(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
-    return sum(map(len, groups_of(scenario, design, drive)))

@@ -18,12 +18,11 @@ from scipy.linalg import expm
 
 from cranectl.analysis.budget.propagation import Deviation, FrictionPort, Ports, no_errors
 from cranectl.analysis.budget.trajectory_loop import EXTENSION, ROBUSTIFIER, TrajectoryLoop, analytic_plant
-from cranectl.controllers import only_flat
 from cranectl.plants import ideal_inertia
 from cranectl.reference import build_trajectory
 from cranectl.scenario import NANOSECONDS, DriveLimits, Friction
 from cranectl.signals import ALPHA, BETA, ROPE
-from cranectl.simulate import Run, limited, make_limits
+from cranectl.simulate import Run, SetpointLimits, limited
 from cranectl.support import Array, jit_called
 
 
@@ -56,7 +55,7 @@ def hold_error(run: Run, loop: TrajectoryLoop, predicted: Deviation | None = Non
 
 def _ramp_response(run: Run, period: float) -> Array:
     """Return the robustifier's states (m,) of one axis after one period of an error that grows by 1 m/s."""
-    r = only_flat(run.design).robustifier
+    r = run.design.flat.robustifier
     augmented = np.zeros((r.order + 2, r.order + 2))
     augmented[:-2, :-2], augmented[:-2, -2], augmented[-2, -1] = r.a, r.b, 1.0
     states = np.zeros(r.sampled_order)
@@ -123,7 +122,7 @@ def limit_error(run: Run, loop: TrajectoryLoop, limits: DriveLimits, predicted: 
     commanded = u + predicted.commanded
     ideal = start + period * (np.cumsum(commanded, axis=0) - commanded)
     correction = np.zeros_like(commanded)
-    limit_set_points(make_limits(limits, period), ideal + loop.lead * commanded, start, correction)
+    limit_set_points(SetpointLimits.of(limits, period), ideal + loop.lead * commanded, start, correction)
     true_velocity = run.block("state")[:-1, 1:6:2] + predicted.state[:-1, 1:6:2]
     set_points = ideal + loop.lead * commanded + correction
     force = rig.velocity_gains * (set_points - true_velocity) - [0.0, 0.0, rig.weight]

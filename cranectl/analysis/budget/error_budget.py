@@ -16,9 +16,9 @@ from cranectl.analysis.budget.trajectory_loop import STRUCTURE, nominal_run
 from cranectl.analysis.continuous import simulate_continuous
 from cranectl.analysis.ladder import Size, check_steps, load_difference, size_of
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers import ALL_CONTROLLERS, only_flat
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.scenario import EffectSettings, Scenario
-from cranectl.simulate import check_several, simulate_run
+from cranectl.simulate import RunMemory, simulate_run
 from cranectl.support import InputError
 
 Progress = Callable[[float], None]  # called with simulated seconds
@@ -156,9 +156,9 @@ def error_budget(
     check_steps(scenario, scenarios[LEVELS.index("servos") :])
     design = ALL_CONTROLLERS.flat_design(controller or scenario.controller.name, scenario)
     columns = PER_SAMPLE + PER_ROBUSTIFIER_STATE * design.robustifier.order
-    check_several(scenario, design, 3, "a budget", columns=columns, max_bytes=MAX_BUDGET_BYTES)
+    RunMemory(scenario).check_several(design, 3, "a budget", columns=columns, max_bytes=MAX_BUDGET_BYTES)
     nominal = nominal_run(scenario, controller)
-    design, drives = only_flat(nominal.run.design), {"engine": "ideal"}
+    design, drives = nominal.run.design.flat, {"engine": "ideal"}
     first = before = simulate_continuous(scenarios[0], design)
     entries, explained = [], np.zeros((len(nominal.run.time_ns), 3))
     for variant, prediction in zip(scenarios, predict_levels(nominal), strict=False):

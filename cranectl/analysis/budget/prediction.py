@@ -41,9 +41,9 @@ from cranectl.analysis.budget.propagation import (
 )
 from cranectl.analysis.budget.trajectory_loop import STRUCTURE, LinearisedRun, TrajectoryLoop
 from cranectl.analysis.ladder import Size, size_of
-from cranectl.controllers import Observer, make_observer, only_flat
+from cranectl.controllers import Observer, make_observer
 from cranectl.scenario import Sensing
-from cranectl.simulate import Encoders, make_encoders
+from cranectl.simulate import Encoders
 from cranectl.support import Array
 
 LEVELS = (
@@ -171,7 +171,7 @@ def _sum(nominal: LinearisedRun, effects: tuple[str, ...], loop: TrajectoryLoop,
     if "limits" in effects:
         parts.append(limit_error(run, loop, settings.limits, on))
     if "observer" in effects:
-        encoders = make_encoders(without_encoder_errors(settings.sensing), len(run.time_ns))
+        encoders = Encoders.of(without_encoder_errors(settings.sensing), len(run.time_ns))
         parts.append(no_errors(loop)._replace(measured=measured_error(nominal, encoders, on)))
     if "delay" in effects:
         commands = run.block("input")[:-1, :3] + on.commanded
@@ -259,7 +259,7 @@ def predict_noise(nominal: LinearisedRun) -> Prediction:
     deviations = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
     variance = load_variance(loop, linear_estimator(_observer(nominal)), deviations)
     power, samples = variance.sum(axis=1), len(variance)
-    independent = max(2.0, samples * loop.period * only_flat(run.design).margins.crossover / np.pi)
+    independent = max(2.0, samples * loop.period * run.design.flat.margins.crossover / np.pi)
     deviation = float(np.sqrt(power.max()))
     size = Size(
         rms=float(np.sqrt(power.mean())),
@@ -278,7 +278,7 @@ def predict_quantisation(nominal: LinearisedRun, motion: Deviation) -> Predictio
     over those positions. The bound is for the worst pattern of such errors.
     """
     run, loop, sensing = nominal.run, nominal.with_servos(), nominal.effects.sensing
-    stepped, smooth = (make_encoders(s, len(run.time_ns)) for s in (sensing, without_quantisation(sensing)))
+    stepped, smooth = (Encoders.of(s, len(run.time_ns)) for s in (sensing, without_quantisation(sensing)))
     without = measured_error(nominal, smooth, motion)
     power, largest = np.zeros(len(run.time_ns)), 0.0
     for phase in range(QUANTISATION_PHASES):

@@ -15,9 +15,9 @@ from cranectl.analysis.budget.trajectory_loop import (
     TrajectoryLoop,
     command_outputs,
 )
-from cranectl.controllers import only_flat
-from cranectl.plants import next_states
-from cranectl.simulate import Run, tracker_of
+from cranectl.controllers import Tracker
+from cranectl.plants import AddressedPlant
+from cranectl.simulate import Run
 from cranectl.support import Array, jit_called
 
 FRICTION_ITERATIONS = 4  # over the axes, because the friction of one changes the rates of the others
@@ -162,7 +162,7 @@ def add_friction(loop, friction, k, deviation):
 def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviation) -> Deviation:
     """Return the second-order term of the deviation `predicted`, which errors at `ports` cause."""
     defect, p, rows = no_errors(loop), len(loop.moving), slice(0, loop.samples - 1)
-    tracker, start = tracker_of(run.scenario, only_flat(run.design)), p + ROBUSTIFIER
+    tracker, start = Tracker.of(run.scenario, run.design.flat), p + ROBUSTIFIER
     change = predicted.state[rows].copy()
     change[:, :10] += ports.measured[rows]
     nominal = [run.block("state"), run.block("controller")[:, :2], run.block("virtual_input")[:, :3]]
@@ -185,7 +185,9 @@ def second_order(run: Run, loop: TrajectoryLoop, ports: Ports, predicted: Deviat
     states[:, loop.moving] += predicted.state[:, :p]
     inputs = (loop.commands + predicted.drive, loop.disturbances + predicted.disturbance)
     assert loop.plant is not None
-    steps = next_states(loop.plant, np.hstack([states[rows], *inputs]), loop.winds) - states[1:]
+    steps = (
+        AddressedPlant.next_states(loop.plant, np.hstack([states[rows], *inputs]), loop.winds) - states[1:]
+    )
     defect.local[:, :p] = steps[:, loop.moving] + ports.local[:, :p] - loop.defect
     deviation = propagate(loop, defect)
     return deviation._replace(load=deviation.load - loop.load_offset)

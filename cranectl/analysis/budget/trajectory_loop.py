@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from cranectl.analysis.levels import assumed_effects, replace_effects
-from cranectl.controllers import ALL_CONTROLLERS, Tracker, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, Tracker
 from cranectl.design import diagonal
 from cranectl.model import flat_output, linearising_input
-from cranectl.plants import PLANTS, AnalyticPlant, ElasticPlant, PhysicsStep, Plant, next_states
+from cranectl.plants import PLANTS, AddressedPlant, AnalyticPlant, ElasticPlant, PhysicsStep, Plant
 from cranectl.scenario import EFFECTS, NANOSECONDS, EffectNumbers, EffectSettings, Scenario
-from cranectl.simulate import Run, make_actuation, make_plant, plan_scenario, simulate_run, tracker_of
+from cranectl.simulate import Actuation, Plan, Run, simulate_run
 from cranectl.support import Array, jit_called
 
 EXTENSION, ROBUSTIFIER = 3, 5  # indices in X, counted from the end of the plant's states
@@ -108,7 +108,7 @@ def row_jacobians(function: Callable[[Array], Array], at: Array, columns: Iterab
 
 def linearise_run(run: Run) -> TrajectoryLoop:
     """Linearise the loop along `run`, which has the analytic plant with ideal drives."""
-    tracker, samples = tracker_of(run.scenario, only_flat(run.design)), len(run.time_ns)
+    tracker, samples = Tracker.of(run.scenario, run.design.flat), len(run.time_ns)
     flat, outputs = _controller_outputs(run, tracker)
     controller_state, controller_input = _controller_matrices(tracker)
     none = np.zeros((0, 10, 10))
@@ -150,7 +150,7 @@ def with_elastic_crane(run: Run, loop: TrajectoryLoop, plant: ElasticPlant, wind
             load=row_jacobians(plant.load_positions, states, moving),
             load_offset=plant.load_positions(states) - run.load_position,
             outputs=np.concatenate([outputs[:, :, :10], others, outputs[:, :, 10:]], axis=2),
-            lead=make_actuation(run.scenario).lag,
+            lead=Actuation.of(run.scenario).lag,
             integral=1.0,
         )
     )
@@ -162,20 +162,20 @@ def _with_linear_plant(loop: TrajectoryLoop) -> TrajectoryLoop:
     assert plant is not None
     ports = np.hstack([loop.states[:-1], loop.commands, loop.disturbances])
     by_port = row_jacobians(
-        lambda at: next_states(plant, at, loop.winds[:: loop.stride])[:, moving],
+        lambda at: AddressedPlant.next_states(plant, at, loop.winds[:: loop.stride])[:, moving],
         ports[:: loop.stride],
         [*moving, *range(size, size + 5)],
     )
     return loop._replace(
         by_state=np.ascontiguousarray(by_port[:, :, :p]),
         by_input=np.ascontiguousarray(by_port[:, :, p:]),
-        defect=(next_states(plant, ports, loop.winds) - loop.states[1:])[:, moving],
+        defect=(AddressedPlant.next_states(plant, ports, loop.winds) - loop.states[1:])[:, moving],
     )
 
 
 def analytic_plant(run: Run) -> AnalyticPlant:
     """Return the analytic plant with ideal drives for the scenario of a run."""
-    plant = make_plant("analytic", run.scenario, "ideal")
+    plant = PLANTS.make("analytic", run.scenario, "ideal")
     assert isinstance(plant, AnalyticPlant)
     return plant
 
@@ -241,7 +241,7 @@ class LinearisedRun:
                 substeps=steps,
                 effects=chosen,
             )
-            winds = plan_scenario(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
+            winds = Plan.of(replace_effects(run.scenario, chosen)).wind[: len(run.time_ns)]
             self._loops[structure] = with_elastic_crane(run, self.loop, plant, winds)
         delay = round(self.effects.delay.seconds / self.loop.period) if "delay" in effects else 0
         return self._loops[structure]._replace(delay=delay)
