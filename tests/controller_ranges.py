@@ -8,7 +8,7 @@ import numpy as np
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
-from cranectl.simulate import linearised_controller, simulate_run
+from cranectl.simulate import PreparedController, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.ranges import has_found_allowed_and_remedy, result_or_refusal
@@ -48,7 +48,7 @@ def check(case: Case) -> None:
     result = result_or_refusal(
         lambda: (
             design := ALL_CONTROLLERS.design(name, scenario),
-            linearised_controller(scenario, design),
+            PreparedController.near_rest(scenario, design),
             simulate_run(scenario, plant="analytic", drive="velocity", controller=name),
         )
     )

@@ -60,8 +60,8 @@ from cranectl.campaign.benchmark.trials import DIVISIONS, campaign_of, trials_of
 from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.preparation import prepared
 from cranectl.controllers.registry import ALL_CONTROLLERS
-from cranectl.simulate import plan_reference
-from cranectl.simulate.runner import nominal_crane
+from cranectl.simulate import PlannedReference
+from cranectl.simulate.prepared import nominal_crane
 from cranectl.support import TOML, Tree
 
 designs.kept = lambda kind, key, compute: compute()  # stored designs would hide a difference
@@ -84,7 +84,7 @@ for division in DIVISIONS:
         scenario = campaign_of(benchmark, trial, max_cranes=1, tuned=tuned).nominal
         design = ALL_CONTROLLERS.design(trial.controller, scenario)
         controller = ALL_CONTROLLERS.of_design(design)
-        crane = nominal_crane(scenario, design, controller, benchmark.drive, plan_reference(scenario))
+        crane = nominal_crane(scenario, design, controller, benchmark.drive, PlannedReference.of(scenario))
         parameters, memory = prepared(controller, crane)
         path = hashlib.sha256(crane.reference.tobytes() + crane.state.tobytes()).hexdigest()
         key = f"{trial.controller} {trial.scenario} {division}"

@@ -32,7 +32,7 @@ from cranectl.signals import (
     Y,
     Z,
 )
-from cranectl.simulate import Plan, Run, check_several, plan_scenario, record_width, whole_record
+from cranectl.simulate import Plan, Run, RunMemory
 from cranectl.status import RunStatus
 from cranectl.support import Array, jit
 
@@ -169,9 +169,9 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     fastest = abs(r.fastest_mode[0]) if r.order else 0.0
     period = scenario.period_ns / NANOSECONDS
     parts = max(ceil(period / MAX_STEP - 1e-9), ceil(period * fastest / STIFFNESS), 1)
-    columns = record_width(design) + PART_COLUMNS * parts
-    check_several(scenario, design, 1, "a run in continuous time", columns=columns)
-    plan = plan_scenario(scenario)
+    columns = design.record_width + PART_COLUMNS * parts
+    RunMemory(scenario).check_several(design, 1, "a run in continuous time", columns=columns)
+    plan = Plan.of(scenario)
     gain, a, b, c = (np.ascontiguousarray(x) for x in (design.gain, r.a, r.b, r.c))
     loop = ContinuousLoop(gain, a, b, c, float(r.d), scenario.rig.gravity)
     ideal = scenario.model_copy(update={"effects": EffectSettings()})
@@ -181,7 +181,7 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
     state = np.concatenate(
         [plan.initial_state, plan.reference[0, [ACCELERATION + Z, JERK + Z]], np.zeros(3 * r.order)]
     )
-    record = np.zeros((len(plan.time_ns), record_width(design)))
+    record = np.zeros((len(plan.time_ns), design.record_width))
     begins = period * np.arange(parts) / parts
     states = _sampled_states((loop, rig, state), Trajectory.of(scenario.reference), plan, begins)
     rows, status = record_rows(loop, rig, states, plan.reference, plan.disturbance, plan.wind, record)
@@ -192,7 +192,7 @@ def simulate_continuous(scenario: Scenario, design: Design) -> Run:
         drive="ideal",
         model="plant and tracker in continuous time, fixed-step DOP853",
         time_ns=plan.time_ns[:rows],
-        table=whole_record(ideal, record, None, plan.wind)[:rows],
+        table=Run.whole_record(ideal, record, None, plan.wind)[:rows],
         reference=plan.reference[:rows],
         status=RunStatus(status),
         end_ns=int(plan.time_ns[min(rows, len(plan.time_ns)) - 1]),

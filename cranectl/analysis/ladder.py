@@ -18,18 +18,11 @@ from cranectl.analysis.levels import (
     replace_effects,
     with_effects,
 )
-from cranectl.controllers import ALL_CONTROLLERS, only_flat
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import RunMetrics, run_metrics
-from cranectl.plants import StepError, examine, honoured_effects
+from cranectl.plants import PLANTS, StepError
 from cranectl.scenario import Scenario
-from cranectl.simulate import (
-    Run,
-    check_several,
-    make_plant,
-    plan_reference,
-    plan_scenario,
-    simulate_run,
-)
+from cranectl.simulate import Plan, PlannedReference, Run, RunMemory, simulate_run
 from cranectl.support import Array, InconsistentError, InputError
 
 Progress = Callable[[float], None]  # called with simulated seconds
@@ -103,7 +96,7 @@ def evaluate_levels(
     InputError.check_known("fidelity level", [top], NAMES)
     design = ALL_CONTROLLERS.design(controller or scenario.controller.name, scenario)
     names = NAMES[: NAMES.index(top) + 1]
-    check_several(scenario, design, len(names) + EXTRA_RUNS, "a ladder")
+    RunMemory(scenario).check_several(design, len(names) + EXTRA_RUNS, "a ladder")
     added = [name for name in names if name in EFFECT_LEVELS]
     alone = {name: with_effects(scenario, [name]) for name in added}
     cumulative = {name: with_effects(scenario, added[: k + 1]) for k, name in enumerate(added)}
@@ -121,7 +114,7 @@ def evaluate_levels(
             )
         if progress is not None:
             progress(scenario.duration)
-        return simulate_continuous(variant, only_flat(design))
+        return simulate_continuous(variant, design.flat)
 
     before: Run | None = None
     base: Run | None = None
@@ -145,11 +138,11 @@ def evaluate_levels(
 
 def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenario]:
     """Return the level of the rig's model file, and its scenario with those effects that the file honours."""
-    entry = examine(str(scenario.rig.model), scenario.rig)
+    entry = PLANTS.find(str(scenario.rig.model), scenario.rig)
     drive, effects = entry.drives[0], with_effects(scenario, added).effects
-    honoured, left_out = honoured_effects(entry, effects, drive)
+    honoured, left_out = entry.honoured(effects, drive)
     variant = replace_effects(scenario, honoured)
-    make_plant(entry.name, variant, drive)
+    PLANTS.make(entry.name, variant, drive)
     own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""
     adds = f"{entry.label} with {drive} drives in place of the shipped crane{own}"
     return Level(MODEL, adds, entry.name, drive), variant
@@ -161,11 +154,11 @@ def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
     The error names a step that is short enough for all of them. A reference that exceeds a limit of a variant
     is an InputError too.
     """
-    shortest, errors = plan_scenario(scenario).shortest_rope, []
+    shortest, errors = Plan.of(scenario).shortest_rope, []
     for variant in variants:
-        plan_reference(variant)
+        PlannedReference.of(variant)
         try:
-            make_plant("mujoco", variant, "velocity").check_length(shortest)
+            PLANTS.make("mujoco", variant, "velocity").check_length(shortest)
         except StepError as error:
             errors.append(error)
     if errors:

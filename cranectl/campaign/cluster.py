@@ -26,7 +26,7 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of, open_models, software_of
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
-from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
+from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.loaders.opening import ControllerFile, open_again
 from cranectl.support import InputError, Interruption, Provenance, SafePath, Table
 
@@ -88,7 +88,7 @@ def run_batches_on(
         )
     manifest = manifest_of(campaign)
     _check_installed(client, manifest["versions"])
-    packed_manifest = packed(manifest, OPEN.share(campaign.settings.controllers).files)
+    packed_manifest = packed(manifest, ALL_CONTROLLERS.opened.share(campaign.settings.controllers).files)
     # The key of a batch depends on campaign and software only, so Dask runs it once for several callers.
     digest = hashlib.sha256(json.dumps(manifest).encode()).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]

@@ -24,9 +24,9 @@ from cranectl.campaign.sampling import gaussian_copula, sample_values
 from cranectl.campaign.settings import COUNTED, INDEPENDENT, CampaignSettings, read_campaign
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
-from cranectl.plants import check_scenario, examine, plant_named
+from cranectl.plants import PLANTS
 from cranectl.scenario import Scenario
-from cranectl.simulate import why_idle_on_plant
+from cranectl.simulate import RunKind
 from cranectl.support import MAX_RUNS, InputError
 
 SAMPLES_PER_CHECK = 2**17  # samples checked at a time, which limits memory
@@ -40,7 +40,7 @@ def _check_not_idle(
     zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
     zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
     for parameter, plant in itertools.product(parameters, settings.plants):
-        why = why_idle_on_plant(parameter.name, plant, settings.drive, zero)
+        why = RunKind(plant, settings.drive).why_idle_on_plant(parameter.name, zero)
         if parameter.name == BANDWIDTH:
             why = "the controller keeps the observer of the nominal scenario"
         if why:
@@ -74,10 +74,10 @@ def unchecked_campaign(settings: CampaignSettings) -> Campaign:
         ALL_CONTROLLERS.checked(name)
     nominal = _nominal_scenario(settings)
     if nominal.rig.model is not None and "plants" not in settings.model_fields_set:
-        own = plant_named(nominal.rig.model)
+        own = PLANTS.find(nominal.rig.model).name
         settings = settings.model_copy(update={"plants": (*settings.plants, own)})
     for plant in settings.plants:
-        examine(plant, nominal.rig)
+        PLANTS.find(plant, nominal.rig)
     parameters = parameters_of(settings, nominal)
     if settings.correlation and settings.sampling not in INDEPENDENT:
         raise InputError(
@@ -170,7 +170,7 @@ def check_values(campaign: Campaign) -> None:
             source = f"uncertain.{parameter.name} reaches {value:g}"
             scenario = sampled_scenario(campaign, values, source)
             for plant in campaign.settings.plants:
-                check_scenario(scenario, plant=plant, drive=campaign.settings.drive)
+                PLANTS.entry(plant).check_scenario(scenario, campaign.settings.drive)
 
 
 def _values_to_test(parameter: UncertainParameter) -> list[float]:

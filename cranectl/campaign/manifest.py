@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
-from cranectl.controllers import ALL_CONTROLLERS, OPEN, UDP
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.loaders.opening import file_from
-from cranectl.plants import PLANTS, REFERENCE_PLANT, PlantEntry, examine
+from cranectl.plants import PLANTS, PlantEntry
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
 from cranectl.support import InputError, Provenance, Table, Tree
 
@@ -89,7 +89,7 @@ def start_facts(campaign: Campaign, directory: Path, command: Sequence[str]) -> 
     They only help to resume the result and decide no number. JSON cannot hold a command that is not UTF-8,
     so such a command is left out.
     """
-    opened = [name for name in campaign.settings.controllers if name in OPEN.files]
+    opened = [name for name in campaign.settings.controllers if name in ALL_CONTROLLERS.opened.files]
     files = {name: file_from(name, directory) for name in opened}
     is_text = all(word.encode(errors="replace").decode() == word for word in command)
     return {**({"command": list(command)} if is_text else {}), **({"files": files} if files else {})}
@@ -110,7 +110,7 @@ def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> 
     file = files.get(name) if isinstance(files, dict) else None
     if not isinstance(file, str):
         return name
-    return file if file.startswith(UDP) else os.path.normpath(directory / file)
+    return file if file.startswith(ALL_CONTROLLERS.UDP) else os.path.normpath(directory / file)
 
 
 def checked_manifest(data: Any, source: str) -> Table:
@@ -152,9 +152,9 @@ def open_models(manifest: Mapping[str, Any]) -> None:
     for name, declared in manifest.get("models", {}).items():
         rig = RigParameters.from_table(manifest["scenario"]["rig"], "the rig of the campaign")
         try:
-            examine(declared["file"] if name not in PLANTS else name, rig)
+            PLANTS.find(declared["file"] if name not in PLANTS else name, rig)
         except InputError:
-            PLANTS.remember(PlantEntry.from_declared(name, declared, batch=PLANTS[REFERENCE_PLANT].batch))
+            PLANTS.remember(PlantEntry.from_declared(name, declared, batch=PLANTS[PLANTS.REFERENCE].batch))
 
 
 def origins_of(manifest: Mapping[str, Any]) -> list[SoftwareOrigin]:

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics import Limits
-from cranectl.plants import PLANTS, REFERENCE_PLANT, Drive, plant_named
+from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import RuleError, Settings, override, rig_place
 from cranectl.support import MAX_RUNS, TOML, InputError, Shipped, Tree
 
@@ -44,7 +44,7 @@ class CampaignSettings(Settings):
     controllers: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = Field(
         description="names of controllers"
     )
-    plants: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = (REFERENCE_PLANT,)
+    plants: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = (PLANTS.REFERENCE,)
     drive: Drive = "velocity"
     runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] | None = Field(
         None, description="number of samples, each run with every controller on every plant"
@@ -118,7 +118,7 @@ def parse_campaign(stated: Mapping[str, Any], source: str, overrides: Sequence[s
     if isinstance(table.get("uncertain"), Mapping):
         table["uncertain"] = _distributions(table["uncertain"], source)
     settings = CampaignSettings.from_table(table, source, overrides=overrides, before=stated)
-    plants = tuple(map(plant_named, settings.plants))
+    plants = tuple(PLANTS.find(name).name for name in settings.plants)
     for name in plants:
         PLANTS.entry(name).check_campaigns()
     return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})

@@ -5,27 +5,14 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from cranectl.campaign.definition import PERIOD, Batch, Campaign, nominal_scenario, sampled_scenario
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.table import FAILED, Row, metric_values
-from cranectl.controllers import ALL_CONTROLLERS, CompiledController
-from cranectl.design import ControllerDesign
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import Accumulator, RunMetrics
-from cranectl.plants import PhysicsStep, Plant, check_scenario
+from cranectl.plants import PLANTS, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN
-from cranectl.simulate import (
-    Loop,
-    PlannedReference,
-    check_planned,
-    make_plant,
-    plan_reference,
-    plan_run,
-    prepare_controller,
-    record_width,
-)
+from cranectl.simulate import Loop, PlannedReference, PreparedController, RunMemory
 from cranectl.support import Array, InputError, MachineError
 
 Stop = Callable[[], bool]
@@ -36,15 +23,6 @@ BLOCK = 1000  # control samples of a run in memory at a time
 DESIGN_LOCK = threading.Lock()  # some design libraries are not safe for several threads
 
 
-class PreparedController(NamedTuple):
-    """A compiled controller with its reference, made for the nominal crane."""
-
-    nominal: Scenario
-    reference: PlannedReference
-    compiled: CompiledController
-    design: ControllerDesign
-
-
 class PreparedCampaign:
     """The samples of a campaign, with controllers and references for the nominal crane, for all workers."""
 
@@ -53,10 +31,10 @@ class PreparedCampaign:
         self.campaign = campaign
         names = campaign.settings.controllers if controllers is None else controllers
         self._sample_block = functools.lru_cache(maxsize=4)(self._draw)
-        self._reference = functools.lru_cache(maxsize=CACHED_PERIODS)(plan_reference)
+        self._reference = functools.lru_cache(maxsize=CACHED_PERIODS)(PlannedReference.of)
         self._controller = functools.lru_cache(maxsize=CACHED_PERIODS * len(names))(self._prepare)
         self._lock = threading.Lock()
-        check_planned(campaign.nominal, others=_cached_periods(campaign))
+        RunMemory(campaign.nominal).check_planned(others=_cached_periods(campaign))
         with DESIGN_LOCK:
             self._designs = {name: ALL_CONTROLLERS.design(name, campaign.nominal) for name in names}
             for name in names:
@@ -82,8 +60,7 @@ class PreparedCampaign:
 
     def _prepare(self, name: str, nominal: Scenario) -> PreparedController:
         design, reference = self._designs[name], self._reference(nominal)
-        compiled = prepare_controller(nominal, design, self.campaign.settings.drive, reference)
-        return PreparedController(nominal, reference, compiled, design)
+        return PreparedController.of(nominal, design, self.campaign.settings.drive, reference)
 
 
 def _cached_periods(campaign: Campaign) -> list[Scenario]:
@@ -117,8 +94,7 @@ class Worker:
     def __init__(self, prepared: PreparedCampaign) -> None:
         self._prepared = prepared
         self._plants: dict[tuple[str, int, int], Plant] = {}  # by name, control period, steps in it
-        self._records: dict[int, Array] = {}  # by number of columns
-        self._path_record = np.zeros((BLOCK, COLUMN.path_width))
+        self._records: dict[str, tuple[Array, Array]] = {}  # by controller
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; repeat a run if the machine fails, for example for lack of memory.
@@ -151,18 +127,10 @@ class Worker:
 
     def _run(self, batch: Batch, scenario: Scenario, stop: Stop) -> RunEnd:
         controller = self._prepared.controller(batch.controller, scenario)
-        plan = plan_run(controller.reference, scenario)
+        plan = controller.reference.plan(scenario)
         plant = self._plant(batch.plant, scenario)
-        width = record_width(controller.design)
-        loop = Loop(
-            scenario,
-            plant,
-            controller.compiled,
-            plan,
-            design=controller.design,
-            nominal=controller.nominal,
-            records=(self._records.setdefault(width, np.zeros((BLOCK, width))), self._path_record),
-        )
+        records = self._records.setdefault(batch.controller, controller.records(BLOCK))
+        loop = Loop(plan, plant, controller, records=records)
         accumulator = Accumulator(scenario, plant.drive)
         while not (is_asked_to_stop := stop()) and not loop.is_finished:
             accumulator.add(*loop.advance(BLOCK))
@@ -179,10 +147,10 @@ class Worker:
         kind = name, scenario.period_ns, PhysicsStep(scenario, drive).per_period
         plant = self._plants.get(kind)
         if plant is not None:
-            check_scenario(scenario, plant=name, drive=drive)
+            PLANTS.entry(name).check_scenario(scenario, drive)
             if plant.retune(scenario.rig, scenario.effects_on_plant):
                 return plant
-        self._plants[kind] = new = make_plant(name, scenario, drive)
+        self._plants[kind] = new = PLANTS.make(name, scenario, drive)
         return new
 
 

@@ -22,9 +22,9 @@ from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.manifest import campaign_of, manifest_of
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
-from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
+from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.loaders.opening import open_again
-from cranectl.simulate import BLOCK_TIMEOUT
+from cranectl.simulate import Loop
 from cranectl.support import Child, InputError, MachineError, Parent, Table
 
 # Runs the batches of a campaign, and stops soon after its argument `stop` returns True.
@@ -55,7 +55,7 @@ def run_batches(
     batches: Sequence[Batch],
     *,
     workers: int = 1,
-    timeout: float = BLOCK_TIMEOUT,
+    timeout: float = Loop.TIMEOUT,
     stop: Stop = lambda: False,
     children: "Children | None" = None,
 ) -> Generator[tuple[Batch, list[Row]], None, None]:
@@ -101,7 +101,7 @@ def run_batches(
 
 
 def make_worker(
-    prepared: PreparedCampaign, children: "Children", timeout: float = BLOCK_TIMEOUT
+    prepared: PreparedCampaign, children: "Children", timeout: float = Loop.TIMEOUT
 ) -> "Worker | ChildWorker":
     """Make the worker of one thread; controllers from files run in a child, a block within `timeout` [s]."""
     if not ALL_CONTROLLERS.digests(prepared.campaign.settings.controllers):
@@ -137,7 +137,7 @@ class Children:
             child = self._idle.pop()
         except IndexError:
             child = Child.spawn(_serve_requests)
-        child.send((manifest_of(campaign), OPEN.share(campaign.settings.controllers)))
+        child.send((manifest_of(campaign), ALL_CONTROLLERS.opened.share(campaign.settings.controllers)))
         return child
 
     def give_back(self, child: Child) -> None:

@@ -12,9 +12,9 @@ from cranectl.compare import Agreement, AgreementLimits, compare_runs, judge
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.log import check_recordable, write_log
 from cranectl.metrics import Limits, LimitVerdict, RunMetrics, run_metrics
-from cranectl.plants import PLANTS, Drive, check_effects, examine, plants_for
+from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import BLOCK_TIMEOUT, Run, check_runs, plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Loop, Plan, PreparedController, Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import FileKind, InputError, MachineError
 
@@ -164,7 +164,7 @@ class Case:
     source: str  # name or file of the scenario, as requested
     keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other
-    timeout: float = BLOCK_TIMEOUT  # [s] for a block of a run with an external controller
+    timeout: float = Loop.TIMEOUT  # [s] for a block of a run with an external controller
     left_out: tuple[str, ...] = ()  # default plants that lack an effect, each with the reason
 
     @property
@@ -184,7 +184,7 @@ class Case:
         source: str | None = None,
         keep: Keep = "all",
         pairwise: bool = False,
-        timeout: float = BLOCK_TIMEOUT,
+        timeout: float = Loop.TIMEOUT,
     ) -> "Case":
         """Make a case, by default with the scenario's controller, plants and log.
 
@@ -192,9 +192,9 @@ class Case:
         it runs. Raises InputError for plants that cannot run and for impossible limits.
         """
         requested = tuple(plants)
-        plants = plants_for(scenario.rig, requested)
+        plants = PLANTS.to_run(requested, scenario.rig)
         for plant in plants:
-            examine(plant, scenario.rig)
+            PLANTS.find(plant, scenario.rig)
         left_out = {} if requested else _lacking_effects(scenario, plants, drive)
         plants = tuple(plant for plant in plants if plant not in left_out)
         Limits.by_plant(scenario, plants)
@@ -234,13 +234,12 @@ class Case:
     def prepare(self) -> dict[str, Any]:
         """Return the arguments of `simulate_run` that all runs share; raise InputError."""
         design = ALL_CONTROLLERS.design(self.controller, self.scenario)
-        check_runs(self.scenario, design, self.drive, len(self.plants))
-        plan = plan_scenario(self.scenario)
+        RunMemory(self.scenario).check_runs(design, self.drive, len(self.plants))
+        plan = Plan.of(self.scenario)
         return {
             "drive": self.drive,
-            "design": design,
             "plan": plan,
-            "compiled_controller": prepare_controller(self.scenario, design, self.drive, plan),
+            "compiled_controller": PreparedController.of(self.scenario, design, self.drive, plan),
             "timeout": self.timeout,
         }
 
@@ -264,7 +263,7 @@ class Case:
         shared = self.prepare()
         if self.keep != "none":
             FileKind.MCAP.check_place(self.log, option="--out")
-            check_recordable(self.scenario, shared["design"], self.drive)
+            check_recordable(self.scenario, shared["compiled_controller"].design, self.drive)
         limits = AgreementLimits.between(self.scenario, self.drive, self.plants)
         runs = self.simulate(shared, progress=progress)
         log = None if self.keep == "none" else self.log
@@ -297,8 +296,9 @@ def _lacking_effects(scenario: Scenario, plants: Sequence[str], drive: Drive) ->
     lines = {}
     for plant in plants:
         try:
-            if drive in PLANTS.entry(plant).drives:
-                check_effects(scenario.effects, plant=plant, drive=drive)
+            entry = PLANTS.entry(plant)
+            if drive in entry.drives:
+                entry.check_effects(scenario.effects, drive)
         except InputError as reason:
             lines[plant] = f"{scenario.name}: {plant} is left out: {reason.found}"
     return lines if len(lines) < len(plants) else {}

@@ -13,7 +13,7 @@ from cranectl.compare import compare_runs
 from cranectl.plants import PLANTS, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
-from cranectl.simulate import make_plant, simulate_run
+from cranectl.simulate import simulate_run
 from cranectl.support import Array, InconsistentError
 
 SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
@@ -140,7 +140,7 @@ def convergence(plant: str, case: Case) -> tuple[float, float]:
 def energy_drift(plant: str, scenario: Scenario) -> float:
     """Return the largest change of energy in a free swing of 20 s with locked drives, as a share of m g l."""
     rigid = scenario.model_copy(update={"effects": type(scenario.effects)(), "disturbances": ()})
-    crane = make_plant(plant, rigid, "ideal")
+    crane = PLANTS.make(plant, rigid, "ideal")
     (x, y), lengths = np.mean(rigid.rig.workspace[:2], axis=1), rigid.rig.rope_range
     state, load = np.zeros(10), np.zeros(7)
     state[[BRIDGE, TROLLEY, ROPE, ALPHA, BETA]] = x, y, 0.5 * sum(lengths), *SWING_ANGLES

@@ -13,7 +13,7 @@ from multiprocessing.context import BaseContext
 from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure
-from cranectl.controllers import ALL_CONTROLLERS, OPEN, SharedControllers
+from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.loaders.opening import open_again
 from cranectl.plants import PLANTS, PlantEntry
 from cranectl.support import Child, Interruption, MachineError, Parent, SafePath
@@ -125,7 +125,7 @@ class _Worker:
             self._child.end()
 
     def _start_child(self) -> Child:
-        arguments = OPEN.share(), _plant_modules(), PLANTS.model_files
+        arguments = ALL_CONTROLLERS.opened.share(), _plant_modules(), PLANTS.model_files
         return Child.spawn(_serve_cases, *arguments, context=self._context, daemon=False)
 
     def _pass_on_stop(self) -> None:

@@ -96,16 +96,16 @@ def certify_command(
     from cranectl.analysis.certificate.operating_points import OperatingPoint, grid_of
     from cranectl.analysis.certificate.structured import drive_margins
     from cranectl.controllers import ALL_CONTROLLERS
+    from cranectl.plants import DRIVES
     from cranectl.report.rig.tables import drive_table, limit_table, map_table, summary_lines
     from cranectl.scenario import Scaled
-    from cranectl.simulate import checked_drive
 
     if time_constant is not None:
         request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES))
     if delay is not None:
         request = request.having(f"effects.delay.seconds={delay!r}")
     loaded = request.load()
-    checked = checked_drive(drive)
+    checked = DRIVES.checked(drive)
     design = ALL_CONTROLLERS.design(controller, loaded)
     flat = design.axis_design is not None
     shortest = loaded.rig.rope_range[0]

@@ -240,9 +240,10 @@ def _plants(
     names = names_given(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants import PLANTS, plants_named
+    from cranectl.plants import PLANTS
 
-    named, able = plants_named(names), []
+    PLANTS.forget_model_files()  # those of an earlier command in this process
+    named, able = tuple(PLANTS if names in PLANTS.ALL else (PLANTS.find(name).name for name in names)), []
     if names not in PLANTS.ALL:
         return named
     for name in named:

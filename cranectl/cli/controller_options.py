@@ -51,15 +51,15 @@ def opened(name: str, directory: Path = Path()) -> str:
     """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
     if not {".", ":"} & set(name):
         return name
-    from cranectl.controllers import UDP, is_reference
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.loaders.opening import open_controller
 
-    if not is_reference(name):
+    if not ALL_CONTROLLERS.is_reference(name):
         from cranectl.loaders.c_controller import check_compiled
 
         check_compiled(directory / name)
         return name
-    return open_controller(name if name.startswith(UDP) else str(directory / name))
+    return open_controller(name if name.startswith(ALL_CONTROLLERS.UDP) else str(directory / name))
 
 
 def controller_option(function: F) -> F:

@@ -88,7 +88,7 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
-    from cranectl.controllers import ALL_CONTROLLERS, only_flat
+    from cranectl.controllers import ALL_CONTROLLERS, Tracker
     from cranectl.report.design import (
         controller_tables,
         design_figure,
@@ -96,7 +96,7 @@ def design_command(
         designs_figure,
         designs_table,
     )
-    from cranectl.simulate import linearised_controller, tracker_of
+    from cranectl.simulate import PreparedController
 
     export = Export(**exporting)
     export.check(names, request)
@@ -109,7 +109,7 @@ def design_command(
         controller = designs[0]
         screen.print_each(
             controller_tables(
-                controller, ALL_CONTROLLERS[controller.name], linearised_controller(loaded, controller)
+                controller, ALL_CONTROLLERS[controller.name], PreparedController.near_rest(loaded, controller)
             )
         )
         if export.is_asked:
@@ -118,9 +118,9 @@ def design_command(
             tell(unread=UNREAD)
         screen.write_json(controller.to_json())
         return
-    flat = [only_flat(design) for design in designs]
+    flat = [design.flat for design in designs]
     for design in flat:
-        tracker_of(loaded, design)  # raises if sampling makes it unstable
+        Tracker.of(loaded, design)  # raises if sampling makes it unstable
     screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
     if export.is_asked:
         export.write(loaded, names[0], screen)

@@ -55,14 +55,14 @@ def idle_lines(
     stated = [name for name in given_settings(*request) if name not in LABELS]
     if not stated:
         return []
-    from cranectl.simulate import RunKind, idle_settings
+    from cranectl.simulate import RunKind
 
     keys = [override.partition("=")[0].strip() for override in request.overrides]
     options = [*keys, *(f"{key}.*" for key in keys)]
     read = [name for name in stated if not _fits(name, unread)]
     reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
     runs = [RunKind(*use) for use in uses]
-    for why, names in idle_settings(scenario, request.read(), read, runs).items():
+    for why, names in RunKind.find_idle_settings(scenario, request.read(), read, runs).items():
         reasons.setdefault(why, []).extend(names)
     lines = [
         f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in reasons.items() if names
@@ -88,9 +88,9 @@ def print_idle_in_analysis(
     """
     uses = [(plant, drive, controller) for controller in controllers]
     if with_model and scenario.rig.model is not None:
-        from cranectl.plants import examine
+        from cranectl.plants import PLANTS
 
-        entry = examine(scenario.rig.model, scenario.rig)
+        entry = PLANTS.find(scenario.rig.model, scenario.rig)
         uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
     print_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
 
@@ -98,10 +98,10 @@ def print_idle_in_analysis(
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
     """Say which settings of a campaign and of its scenario change nothing in its runs."""
     from cranectl.campaign.settings import COUNTED
-    from cranectl.simulate import checked_drive
+    from cranectl.plants import DRIVES
 
     settings = campaign.settings
-    uses = product(settings.plants, (checked_drive(settings.drive),), settings.controllers)
+    uses = product(settings.plants, (DRIVES.checked(settings.drive),), settings.controllers)
     request = ScenarioRequest(settings.scenario, settings.rig, settings.set)
     lines = idle_lines(campaign.nominal, request, uses, unread=("limits.*", "expected"))
     if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
@@ -137,13 +137,13 @@ def _fits(name: str, patterns: Iterable[str]) -> bool:
 
 def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["RunKind"]) -> str:
     """Say which numbers of the rig no run uses, and the options that add their effects."""
-    from cranectl.plants import check_effects
+    from cranectl.plants import PLANTS
 
     options = ""
     added = scenario.effects.model_copy(update={name: getattr(scenario.rig.effects, name) for name in idle})
     try:
         for use in uses:
-            check_effects(added, plant=use.plant, drive=use.drive)
+            PLANTS.entry(use.plant).check_effects(added, use.drive)
     except InputError:
         options = "--drive velocity --plants elastic,mujoco "
     tables = ", ".join(f"[effects.{name}]" for name in idle)
@@ -162,12 +162,12 @@ def _listed(names: Iterable[str]) -> str:
 
 def idle_timeout(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
     """Say why `--timeout`, where it is given, changes nothing for these controllers."""
-    from cranectl.controllers import OPEN
-    from cranectl.simulate import BLOCK_TIMEOUT
+    from cranectl.controllers import ALL_CONTROLLERS
+    from cranectl.simulate import Loop
 
-    if timeout == BLOCK_TIMEOUT:
+    if timeout == Loop.TIMEOUT:
         return []
     if cluster:
         return ["--timeout changes nothing here: it is for runs of this machine"]
-    is_used = any(name in OPEN.files for name in controllers)
+    is_used = any(name in ALL_CONTROLLERS.opened.files for name in controllers)
     return [] if is_used else ["--timeout changes nothing here: no controller is from a file"]

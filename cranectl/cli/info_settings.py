@@ -20,14 +20,14 @@ SHOWN = "logs (.mcap), models (.xml), rigs and scenarios (.toml, or a name in `c
 
 def kind_of(file: Path) -> Kind:
     """Return what `info` shows of a file or name; raise InputError for what it does not show."""
-    from cranectl.plants import MODEL_ENDING
+    from cranectl.plants import PLANTS
     from cranectl.scenario import rig_names, scenario_names
 
     if not File(file).exists() and str(file) in rig_names():
         return "rig"
     if not File(file).exists() and str(file) in scenario_names():
         return "scenario"
-    if file.suffix == MODEL_ENDING:
+    if file.suffix == PLANTS.MODEL_ENDING:
         return "model"
     if file.suffix == ".toml":
         return _kind_of_table(file)

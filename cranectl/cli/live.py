@@ -67,7 +67,7 @@ def live_command(
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
     from cranectl.cases import Case
-    from cranectl.controllers import ALL_CONTROLLERS, OPEN
+    from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.live.child_session import ChildSession
     from cranectl.live.commands import Controls
     from cranectl.live.guard import checked_origin, report_warnings
@@ -75,20 +75,19 @@ def live_command(
     from cranectl.live.server import LiveServer
     from cranectl.live.session import Session
     from cranectl.live.viewers import Address
-    from cranectl.plants import plants_for
-    from cranectl.simulate import checked_drive
+    from cranectl.plants import DRIVES, PLANTS
 
     loaded = request.load()
     design = ALL_CONTROLLERS.design(controller or loaded.controller.name, loaded)
     controls = Controls(loaded, design, drive=drive, speed=speed)
-    plants = plants_for(loaded.rig, plants)
+    plants = PLANTS.to_run(plants, loaded.rig)
     if layout:
         from cranectl.report.viewer_layouts import layout_json
 
         with File(layout).writing():
             File(layout).write_text(layout_json("live", plants=plants, rig=loaded.limited_rig))
-    session_type = ChildSession if OPEN.files else Session
-    session = session_type(loaded, design, plants=plants, drive=checked_drive(drive))
+    session_type = ChildSession if ALL_CONTROLLERS.opened.files else Session
+    session = session_type(loaded, design, plants=plants, drive=DRIVES.checked(drive))
     address = Address(host, port, tuple(map(checked_origin, origins)))
     log = Case.log_in(Case.LOG_DIRECTORY, loaded, design.name, drive)
     requested = record or log.with_stem(f"{log.stem}-live")

@@ -44,7 +44,7 @@ def compare_measured(
     from cranectl.log import Layer, Log
     from cranectl.measured.comparison import predict
     from cranectl.measured.replay import REPEATED, default_replay
-    from cranectl.plants import REFERENCE_PLANT, examine, plant_named
+    from cranectl.plants import PLANTS
     from cranectl.support import Provenance
 
     if out is not None:
@@ -53,8 +53,8 @@ def compare_measured(
     replayed = replay or default_replay(run)
     rig = run.scenario.rig
     own = rig.model if replayed != "motion" and rig.model and Path(rig.model).is_file() else None
-    names = plants or (REFERENCE_PLANT, *((plant_named(own),) if own else ()))
-    for entry in (examine(plant, rig) for plant in names):
+    names = plants or (PLANTS.REFERENCE, *((PLANTS.find(own).name,) if own else ()))
+    for entry in (PLANTS.find(plant, rig) for plant in names):
         if replayed == "motion" and "ideal" not in entry.drives:
             raise InputError(
                 f"--replay motion on the {entry.label} plant, which cannot move its axes as measured",

@@ -42,11 +42,11 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     from cranectl.planning.review import estimate_least_durations, reviews
     from cranectl.report.plan import plan_json, plan_tables
     from cranectl.scenario import EFFECTS, scenario_file
-    from cranectl.simulate import plan_reference
+    from cranectl.simulate import PlannedReference
 
     written, directory = request.read(), scenario_file(str(request.source)).parent
     ready = plan_motions(written, directory)
-    plan_reference(ready)  # refuses what no run can follow
+    PlannedReference.of(ready)  # refuses what no run can follow
     reviewed = reviews(ready)
     least = estimate_least_durations(ready, written, directory) if bound and reviewed else ()
     if plot is not None and not reviewed:

@@ -63,7 +63,7 @@ def closed_loop(
         from cranectl.cases import Case, CaseRuns
         from cranectl.cli.controller_options import opened
         from cranectl.planning import load_scenario
-        from cranectl.simulate import checked_drive
+        from cranectl.plants import DRIVES
         from cranectl.support import InputError
 
         try:
@@ -74,7 +74,7 @@ def closed_loop(
                     overrides=list(overrides),
                 ),
                 controller=controller and opened(controller, here),
-                drive=checked_drive(drive),
+                drive=DRIVES.checked(drive),
                 plants=plants or (),
             )
             runs = CaseRuns(case)

@@ -54,13 +54,13 @@ def run_command(
     cranectl run fast-diagonal --plants analytic --drive velocity --fmu crane.fmu
     """
     from cranectl.cases import Case
+    from cranectl.plants import DRIVES
     from cranectl.report.run import tables
-    from cranectl.simulate import checked_drive
 
     case = Case.of(
         request.load(),
         controller=controller,
-        drive=checked_drive(drive),
+        drive=DRIVES.checked(drive),
         plants=plants,
         log=out,
         timeout=timeout,

@@ -113,7 +113,7 @@ def validate_command(
     from cranectl.cases import Pairwise
     from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.report.run.differences import pair_tables
-    from cranectl.simulate import BLOCK_TIMEOUT
+    from cranectl.simulate import Loop
 
     names = ALL_CONTROLLERS.chosen(controllers)
     sources = Counter(_sources(scenarios))
@@ -139,7 +139,7 @@ def validate_command(
     options = [
         *(("--rig", str(request.rig)) if request.rig else ()),
         *(part for override in request.overrides for part in ("--set", override)),
-        *(("--timeout", f"{timeout:g}") if timeout != BLOCK_TIMEOUT else ()),
+        *(("--timeout", f"{timeout:g}") if timeout != Loop.TIMEOUT else ()),
     ]
     if junit is not None:
         screen.save_junit(validation.junit_cases(options), junit)
@@ -162,10 +162,9 @@ def _cases(
     """Return a case for each scenario, controller and drive, with logs in `out` that all differ."""
     from cranectl.cases import Case
     from cranectl.plants import DRIVES, Drive
-    from cranectl.simulate import checked_drive
 
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
-    drives = several.get(drive) or (checked_drive(drive),)
+    drives = several.get(drive) or (DRIVES.checked(drive),)
     cases = [
         Case.of(
             scenario,
@@ -265,9 +264,9 @@ def _is_rig_or_campaign(file: Path) -> bool:
 
 def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]) -> list["Drive"]:
     """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
-    from cranectl.plants import examine, plants_for
+    from cranectl.plants import PLANTS
 
-    entries = [examine(name, rig) for name in plants_for(rig, names)]
+    entries = [PLANTS.find(name, rig) for name in PLANTS.to_run(names, rig)]
     return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or [*drives[-1:]]
 
 
@@ -277,13 +276,13 @@ def _loaded(
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases import Failure
     from cranectl.metrics import Limits
-    from cranectl.plants import plants_for
+    from cranectl.plants import PLANTS
 
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            Limits.by_plant(scenario, plants_for(scenario.rig, plants))
+            Limits.by_plant(scenario, PLANTS.to_run(plants, scenario.rig))
             if usual and (own := scenario.controller.name) not in usual:
                 raise InputError(
                     f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",

@@ -15,7 +15,7 @@ from typing import Any
 from cranectl.compare.runs import Comparison, compare_runs
 from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
-from cranectl.simulate import Run, fits, simulate_run
+from cranectl.simulate import Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import TOML, Arguments, InconsistentError, Shipped
 
@@ -192,7 +192,10 @@ class Agreement:
         if agreement.passed is not False or not isinstance(limits, AgreementLimits):
             return agreement
         interrupted = any(run.status == RunStatus.INTERRUPTED for run in runs)
-        if interrupted or not 1.0 < agreement.excess < math.inf or not fits(runs[0], more=len(runs)):
+        one = runs[0]
+        if interrupted or not 1.0 < agreement.excess < math.inf:
+            return agreement
+        if not RunMemory(one.scenario).fits(one.design, one.drive, runs=2 * len(runs)):
             return agreement
         halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
         shorter = PhysicsStep(runs[0].scenario, runs[0].drive).refined(2**halvings)

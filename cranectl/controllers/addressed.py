@@ -48,6 +48,40 @@ class CompiledController(NamedTuple):
     records_all: bool  # whether `places` has all signals that are recorded of the controller
     outside: bool  # whether it comes from a file, and might write to arrays other than memory and command
 
+    @classmethod
+    def of(cls, controller: Controller, nominal: Nominal, recorded: int) -> "CompiledController":
+        """Prepare `controller`; `recorded` is the number of signals of it in a run, with load and error."""
+        parameters, memory = prepared(controller, nominal)
+        reference = nominal.reference
+        places = np.array([place for place, _ in controller.logged], dtype=np.int64)
+        if controller.records_all:
+            places = np.arange(len(memory) - recorded, len(memory))
+        if controller.preview:
+            reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
+        rows = 15 * (1 + controller.preview)
+        sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
+        compiled = cls(
+            address=0 if controller.entry else _compiled(controller),
+            parameters=parameters,
+            reference=reference,
+            samples=len(nominal.reference),
+            every=controller.every,
+            encoders=controller.measures == "encoders",
+            velocity=controller.command == "velocity",
+            force=controller.command == "force",
+            masses=axis_masses(nominal.rig),
+            places=places,
+            start=memory,
+            **_memories(),
+            entry=len(OPEN.entries),
+            slack_place=-1 if controller.slack_place is None else controller.slack_place,
+            records_all=controller.records_all,
+            outside=controller.origin is not None,
+        )
+        if controller.entry:
+            OPEN.entries.append((controller.entry, sizes))
+        return compiled
+
     def bound(self) -> "CompiledController":
         """Return the controller with the address of its step in this process."""
         if self.address:
@@ -63,40 +97,6 @@ class CompiledController(NamedTuple):
         if self.outside:
             own |= {"parameters": self.parameters.copy(), "reference": self.reference.copy()}
         return self._replace(**own)
-
-
-def compile_controller(controller: Controller, nominal: Nominal, recorded: int) -> CompiledController:
-    """Prepare `controller`; `recorded` is the number of signals of it in a run, with load and error."""
-    parameters, memory = prepared(controller, nominal)
-    reference = nominal.reference
-    places = np.array([place for place, _ in controller.logged], dtype=np.int64)
-    if controller.records_all:
-        places = np.arange(len(memory) - recorded, len(memory))
-    if controller.preview:
-        reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
-    rows = 15 * (1 + controller.preview)
-    sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
-    compiled = CompiledController(
-        address=0 if controller.entry else _compiled(controller),
-        parameters=parameters,
-        reference=reference,
-        samples=len(nominal.reference),
-        every=controller.every,
-        encoders=controller.measures == "encoders",
-        velocity=controller.command == "velocity",
-        force=controller.command == "force",
-        masses=axis_masses(nominal.rig),
-        places=places,
-        start=memory,
-        **_memories(),
-        entry=len(OPEN.entries),
-        slack_place=-1 if controller.slack_place is None else controller.slack_place,
-        records_all=controller.records_all,
-        outside=controller.origin is not None,
-    )
-    if controller.entry:
-        OPEN.entries.append((controller.entry, sizes))
-    return compiled
 
 
 def _compiled(controller: Controller) -> int:

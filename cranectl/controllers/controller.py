@@ -18,7 +18,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from math import inf
 from numbers import Real
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 from cranectl.design import ControllerDesign, Design, Origin, Value
 from cranectl.scenario import DesignSettings, RigParameters, Scaled, Scenario
@@ -176,11 +176,6 @@ class Sizes(NamedTuple):
     command: int
 
 
-def called_by_address(*_: Any) -> int:
-    """Replace the step of a controller that has only an `entry`; it must never be called."""
-    raise NotImplementedError("it is called by address")
-
-
 @dataclass(frozen=True)
 class Controller:
     """Declare a controller by its step and its properties.
@@ -233,6 +228,9 @@ class Controller:
     InputError
         For a declaration of the wrong kind, or out of range.
     """
+
+    MAX_MEMORY: ClassVar[int] = MAX_MEMORY
+    MAX_SIGNAL_NAME: ClassVar[int] = MAX_SIGNAL_NAME
 
     name: str
     title: str
@@ -290,6 +288,11 @@ class Controller:
             InputError.check_whole(
                 f"{self.name}.{what}", place, 0, MAX_MEMORY - 1, "a place of the memory, from 0 on"
             )
+
+    @staticmethod
+    def called_by_address(*_: Any) -> int:
+        """Replace the step of a controller that has only an `entry`; it must never be called."""
+        raise NotImplementedError("it is called by address")
 
     def _check(self, key: str, fits: bool, allowed: str, *, remedy: str) -> None:
         """Raise InputError unless the declaration `key` fits."""

@@ -17,6 +17,7 @@ from cranectl.controllers.controller import ROPE_SLACK, SLACK_ENDS_RUN, Controll
 from cranectl.controllers.slots import Slots
 from cranectl.design import TITLES, Design, check_sampled, design_controller
 from cranectl.model import flat_output, linearising_input
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ACCELERATION, ALPHA, BETA, COLUMN, JERK, ROPE, Z
 from cranectl.status import RunStatus
 from cranectl.support import Array, jit
@@ -46,6 +47,21 @@ class Tracker(NamedTuple):
     feedthrough: float
     period: float  # [s]
     gravity: float  # [m/s²]
+
+    @classmethod
+    def of(cls, scenario: Scenario, design: Design) -> "Tracker":
+        """Return the tracker of `design` in a scenario; raise InputError if the sampled loop is unstable."""
+        return make_tracker(design, period=scenario.period_ns / NANOSECONDS, gravity=scenario.rig.gravity)
+
+    def linearise(self, state: Array, memory: Array, v: Array) -> tuple[Array, Array]:
+        """Return flat state (12,) and accelerations (3,) at `state` (10,) for v (3,) [m/s⁴].
+
+        The extension in `memory` advances by one period.
+        """
+        flat, command = np.zeros(15), np.zeros(3)
+        flat_output(state, memory[MEMORY.zeta], memory[MEMORY.zeta_dot], self.gravity, flat)
+        linearising_step(self, state, memory, v, command)
+        return flat[:12], command
 
 
 # How to make a loop slower, by a part of its controller's name.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.design import ControllerDesign, Design
+from cranectl.design import ControllerDesign
 from cranectl.scenario import Scenario
 from cranectl.support import Arguments, Extensions, InputError, Provenance
 
@@ -21,9 +21,7 @@ WHERE = {  # module and name of each controller, imported at first use
     "flat-velocity": "cranectl.controllers.flat_velocity:FLAT_VELOCITY",
     "lqr-offset-free": "cranectl.controllers.lqr_offset_free:LQR_OFFSET_FREE",
 }
-UDP = "udp://"  # prefix of the address of a controller in another process
 ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with controllers
-FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
 
 
 @functools.cache
@@ -40,6 +38,11 @@ def _registered(names: Iterable[str]) -> list["Controller"]:
 
 class Controllers(Mapping[str, "Controller"]):
     """All controllers by name: the flat family, then the others. Each is loaded when it is looked up."""
+
+    FLAT = FLAT_FAMILY  # names
+    UDP = "udp://"  # prefix of the address of a controller in another process
+    FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
+    opened = OPEN  # those that this process has registered or opened from files
 
     def __iter__(self) -> Iterator[str]:
         return iter((*FLAT_FAMILY, *WHERE, *_added(), *OPEN.registered))
@@ -60,11 +63,15 @@ class Controllers(Mapping[str, "Controller"]):
         controller: Controller = resolve_name(WHERE[name])
         return controller
 
+    def is_reference(self, text: str) -> bool:
+        """Return True if `text` names a controller in a file, rather than one by its name."""
+        return text.startswith(self.UDP) or self.FILE.fullmatch(text) is not None
+
     def checked(self, name: str) -> str:
         """Return `name` if it names a controller; else raise an InputError that lists the known names."""
         if name in self:
             return name
-        if is_reference(name):
+        if self.is_reference(name):
             raise InputError(
                 f"the controller is the file '{name}', and neither scenario nor campaign runs code by itself",
                 allowed=f"a file named on the command line, or {', '.join(self)}",
@@ -183,19 +190,3 @@ def controller_names() -> tuple[str, ...]:
         If a controller of an installed package cannot be loaded.
     """
     return tuple(ALL_CONTROLLERS)
-
-
-def is_reference(text: str) -> bool:
-    """Return True if `text` names a controller in a file, rather than one by its name."""
-    return text.startswith(UDP) or FILE.fullmatch(text) is not None
-
-
-def only_flat(design: ControllerDesign) -> Design:
-    """Return the linear design of one axis that `design` has; raise InputError if it has none."""
-    if design.axis_design is None:
-        raise InputError(
-            f"'{design.name}' has no linear design of one axis of the load, on which this judgement rests",
-            allowed=f"the flat family: {', '.join(FLAT_FAMILY)}",
-            remedy="judge it by simulation: cranectl ladder, cranectl campaign",
-        )
-    return design.axis_design

@@ -1,7 +1,7 @@
 """Repeat rows of commands.
 
-These controllers are not registered. `simulate.Loop.repeating` prepares them with the rows that they
-repeat, in place of a reference.
+These controllers are not registered. `simulate.PreparedController.repeating` prepares them with the rows
+that they repeat, in place of a reference.
 """
 
 import functools
@@ -19,7 +19,7 @@ def repeat_commands(parameters, measured, reference, memory, command):  # noqa: 
 
 
 @functools.cache
-def repeated_commands(kind: Command, name: str = "measured-commands") -> Controller:
+def repeated_commands(kind: Command, name: str) -> Controller:
     """Return the controller that repeats commands of this kind."""
     return Controller(
         name=name,

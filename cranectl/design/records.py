@@ -154,9 +154,27 @@ class ControllerDesign:
         return SignalGroup.of_controller(self.name, self.signals)
 
     @property
+    def record_width(self) -> int:
+        """Number of columns of a run's record without those of its signal path."""
+        return sum(map(len, SignalGroup.recorded(self.groups)))
+
+    @property
     def axis_design(self) -> "Design | None":
         """The linear design of one axis of the load, or None for a controller without one."""
         return None
+
+    @property
+    def flat(self) -> "Design":
+        """The linear design of one axis of the load; raises InputError for a controller without one."""
+        if self.axis_design is None:
+            from cranectl.design.controllers import CONTROLLERS
+
+            raise InputError(
+                f"'{self.name}' has no linear design of one axis of the load, on which this judgement rests",
+                allowed=f"the flat family: {', '.join(CONTROLLERS)}",
+                remedy="judge it by simulation: cranectl ladder, cranectl campaign",
+            )
+        return self.axis_design
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""

@@ -103,7 +103,7 @@ def _values(exported: Exported) -> dict[str, str]:
     kinds = {key: f"CRANECTL_{getattr(controller, key.lower()).upper().replace('-', '_')}"
              for key in ("COMMAND", "FOLLOWS", "MEASURES")}  # fmt: skip
     title = controller.title if design.axis_design is None else f"{design.name} of the flat family"
-    period, sample, compiled = scenario.period_ns / NANOSECONDS, exported.sample, exported.compiled
+    period, sample, compiled = scenario.period_ns / NANOSECONDS, exported.sample, exported.prepared.compiled
     return {
         "SYMBOL": exported.symbol,
         "GUARD": exported.symbol.upper(),
@@ -195,7 +195,7 @@ def _number_texts(numbers: Array) -> list[str]:
 
 def _reference_text(exported: Exported) -> str:
     """Return the header with the reference at each sample; raise InputError if it is too long for one."""
-    rows = exported.compiled.reference
+    rows = exported.prepared.compiled.reference
     if len(rows) > MAX_REFERENCE_ROWS:
         period = exported.scenario.period_ns / NANOSECONDS
         raise InputError(
@@ -211,7 +211,7 @@ def _reference_text(exported: Exported) -> str:
     lines = [
         f"/* {said}: x, y, z [m] and four derivatives, at each sample. */",
         f"#ifndef {guard}\n#define {guard}\n\n#include <math.h>\n",
-        f"#define {count} {exported.compiled.samples}\n",
+        f"#define {count} {exported.prepared.compiled.samples}\n",
         *_table(f"{symbol}_reference_rows", size, list(rows)),
         "\n#endif",
     ]

@@ -5,10 +5,10 @@ from cranectl.export.fmu import Model, filled
 from cranectl.export.inference import check_compiler
 from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.export.traced import Traced
-from cranectl.plants import ADVANCE, DRIVES, MEASURE, PLANTS, Drive, plant_object
+from cranectl.plants import DRIVES, PLANTS, AddressedPlant, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION, SignalGroup
-from cranectl.simulate import checked_drive, commands_at_start, make_plant, plan_scenario
+from cranectl.simulate import Plan, SignalPath
 from cranectl.status import RunStatus
 from cranectl.support import Array, InputError
 
@@ -29,8 +29,8 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
             remedy=f"take '--plants {EXPORTED_PLANTS[0]}'",
         )
     check_compiler()
-    kind, plan = checked_drive(drive), plan_scenario(scenario)
-    make_plant(plant, scenario, kind).check_length(plan.shortest_rope)  # both raise InputError
+    kind, plan = DRIVES.checked(drive), Plan.of(scenario)
+    PLANTS.make(plant, scenario, kind).check_length(plan.shortest_rope)  # both raise InputError
     start = plan.initial_state
     numbers = PlantNumbers(scenario, plant, kind, start)
     parameters, constants = numbers.sorted_out()
@@ -40,6 +40,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         variable.name: Traced(variable.start, f"values[{first + k}]") for k, variable in enumerate(parameters)
     }
     memory, expressions = numbers.memory({}), numbers.expressions(traced)
+    machine_code, actions = AddressedPlant.object_file(numbers.plant({}), "plant_step")
     title = f"{PLANTS.entry(plant).label} plant with {drive} drives, scenario {scenario.name}"
     words = [f"0x{word:x}," for word in memory.words]
     rows = [" ".join(words[k : k + WORDS_PER_LINE]) for k in range(0, len(words), WORDS_PER_LINE)]
@@ -49,8 +50,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         "STATE": len(inputs),
         "LOAD": len(inputs) + len(SignalGroup.STATE),
         "TENSION": TENSION,
-        "MEASURE": MEASURE,
-        "ADVANCE": ADVANCE,
+        **actions,
         "SLACK": float(RunStatus.SLACK_ROPE),
         "NON_FINITE": float(RunStatus.NON_FINITE),
         "AIR": ", ".join(air if scenario.effects.wind else ["0.0"] * 3),
@@ -67,13 +67,13 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         period=scenario.period_ns / NANOSECONDS,
         memory=len(memory.words),
         sources={"plant.c": filled("fmi/plant.c.txt", values)},
-        objects={"plant.o": plant_object(numbers.plant({}), "plant_step")},
+        objects={"plant.o": machine_code},
     )
 
 
 def _inputs(scenario: Scenario, drive: Drive, start: Array) -> list[FmuVariable]:
     """Return the inputs: commands, disturbances, forces on the load, and the velocity of the air."""
-    first, wind = commands_at_start(scenario, start, drive), scenario.effects.wind
+    first, wind = SignalPath.of(scenario, start, drive=drive).previous, scenario.effects.wind
     signals = SignalGroup.command(DRIVES[drive].command).signals
     commands = zip(DRIVEN, signals, first.tolist(), strict=False)
     return [

@@ -4,14 +4,14 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 
-from cranectl.controllers import ALL_CONTROLLERS, CompiledController, Controller, called_by_address
+from cranectl.controllers import ALL_CONTROLLERS, Controller
 from cranectl.design import ControllerDesign
 from cranectl.export.sample import ControlSample, control_sample_of
 from cranectl.export.unit import Unit
 from cranectl.export.vectors import inputs_of
-from cranectl.plants import Drive
+from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, checked_drive, plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Plan, PreparedController, Run, simulate_run
 from cranectl.support import Array, InputError
 
 
@@ -21,7 +21,7 @@ class Exported:
 
     run: Run  # of the scenario
     controller: Controller
-    compiled: CompiledController
+    prepared: PreparedController
     sample: ControlSample
     inputs: list[tuple[Array, Array]]  # of each control sample of the run
 
@@ -90,7 +90,7 @@ def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> E
     controller = ALL_CONTROLLERS.of_design(design)
     if controller.entry is not None:
         file = controller.origin.reference if controller.origin else name
-        is_python = controller.step is not called_by_address
+        is_python = controller.step is not Controller.called_by_address
         raise InputError(
             f"the step of {file} is not in Python that Numba compiles"
             if is_python
@@ -101,16 +101,16 @@ def prepare_export(scenario: Scenario, name: str, drive: str | None = None) -> E
             else "export the Python controller that it was made from, or compile its own source",
         )
     usual = "ideal" if controller.command == "acceleration" else controller.command
-    kind = checked_drive(drive or usual)
-    plan = plan_scenario(scenario)
-    compiled = prepare_controller(scenario, design, kind, plan)
-    run = simulate_run(scenario, drive=kind, design=design, plan=plan, compiled_controller=compiled)
-    sample = control_sample_of(scenario, controller, compiled, kind, plan.initial_state)
-    inputs = inputs_of(run, sample, compiled, controller.preview)
+    kind = DRIVES.checked(drive or usual)
+    plan = Plan.of(scenario)
+    prepared = PreparedController.of(scenario, design, kind, plan)
+    run = simulate_run(scenario, drive=kind, plan=plan, compiled_controller=prepared)
+    sample = control_sample_of(prepared, controller, kind, plan.initial_state)
+    inputs = inputs_of(run, sample, prepared, controller.preview)
     if not inputs:
         raise InputError(
             f"the run of {name} in {scenario.name} ends before its first sample: {run.status.label}",
             allowed="a run of one sample or more, for test vectors",
             remedy="correct the controller, or take another scenario",
         )
-    return Exported(run, controller, compiled, sample, inputs)
+    return Exported(run, controller, prepared, sample, inputs)

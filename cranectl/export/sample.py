@@ -15,28 +15,16 @@ from numba.core.types import Array as ArrayType
 from numba.core.types import CPointer, float64
 from numba.extending import intrinsic
 
-from cranectl.controllers import (
-    EXPECTED,
-    JOINTS,
-    CompiledController,
-    Controller,
-    Observer,
-    Slots,
-    observe,
-    predict,
-    regularity,
-)
+from cranectl.controllers import EXPECTED, JOINTS, Controller, Observer, Slots, observe, predict, regularity
 from cranectl.model import AxisMasses, drive_forces
 from cranectl.plants import DRIVES, Drive
-from cranectl.scenario import Scenario
 from cranectl.simulate import (
     Actuation,
+    PreparedController,
     SetpointLimits,
+    SignalPath,
     actuate,
-    initial_integral,
     limit_command,
-    make_actuation,
-    new_signal_path,
     take_forces,
     take_set_points,
 )
@@ -72,11 +60,14 @@ class ControlSample(NamedTuple):
 
 
 def control_sample_of(
-    scenario: Scenario, controller: Controller, compiled: CompiledController, drive: Drive, start: Array
+    prepared: PreparedController, controller: Controller, drive: Drive, start: Array
 ) -> ControlSample:
     """Return the function of one control sample of a run that starts at `start` (10,)."""
-    path = new_signal_path(scenario, start, drive=drive, samples=1, nominal=scenario)
-    actuation = make_actuation(scenario, drive)
+    path, actuation = (
+        SignalPath.of(prepared.nominal, start, drive=drive),
+        Actuation.of(prepared.nominal, drive),
+    )
+    compiled = prepared.compiled
     parameters = NUMBERS.array(
         observer=path.observer,
         lag=actuation.lag,
@@ -86,8 +77,8 @@ def control_sample_of(
         change_limit=path.limits.change,
         masses=compiled.masses,
     )
-    memory = KEPT.array(estimate=path.estimate, integral=initial_integral(start), previous=path.previous)
-    function = _sample_function(controller, compiled, drive, path.sensed)
+    memory = KEPT.array(estimate=path.estimate, integral=start[1:6:2], previous=path.previous)
+    function = _sample_function(controller, prepared, drive, observes=path.sensed)
     machine_code = CompiledStep(function)
     machine_code.compile()
     return ControlSample(
@@ -110,10 +101,10 @@ def pointer_to(_typing, array):
 
 
 def _sample_function(
-    controller: Controller, compiled: CompiledController, drive: Drive, observes: bool
+    controller: Controller, prepared: PreparedController, drive: Drive, *, observes: bool
 ) -> Callable[..., int]:
     """Return the function of one control sample; Numba and the translation leave out what does not apply."""
-    step = numba.njit(error_model="numpy")(controller.step)
+    step, compiled = numba.njit(error_model="numpy")(controller.step), prepared.compiled
     size, kept_size, every = len(compiled.parameters), len(compiled.start), compiled.every
     given_size = JOINTS if observes else STATE_SIZE
     encoders, velocity, force = compiled.encoders, compiled.velocity, compiled.force

@@ -4,6 +4,7 @@ import ctypes
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from cranectl.export.fmu import compile_library, filled
 from cranectl.export.prepared import Exported
 from cranectl.export.vectors import Sample, record_blocks, replay
 from cranectl.plants import DRIVES
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import simulate_run
 from cranectl.support import Array, InputError
 
 # A comment, a word, or a number with a point or an exponent.
@@ -61,7 +62,7 @@ def measure_single(exported: Exported, sources: Mapping[str, str]) -> SinglePrec
         blocks = record_blocks(steps, len(rounded))
         kind = DRIVES[run.drive].command
         # Not a controller of the registry: all that surrounds it in the loop has nothing left to do.
-        controller = exported.compiled._replace(
+        compiled = exported.prepared.compiled._replace(
             address=address,
             parameters=sample.parameters,
             start=_rounded(sample.memory),
@@ -76,9 +77,9 @@ def measure_single(exported: Exported, sources: Mapping[str, str]) -> SinglePrec
         single = simulate_run(
             run.scenario,
             drive=run.drive,
-            design=ControllerDesign("single-precision"),
-            plan=plan_scenario(run.scenario),
-            compiled_controller=controller,
+            compiled_controller=replace(
+                exported.prepared, design=ControllerDesign("single-precision"), compiled=compiled
+            ),
         )
     rows = min(len(single.table), len(run.table))
     apart = single.block("load")[:rows, :3] - run.block("load")[:rows, :3]

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.controllers import JOINTS, CompiledController
+from cranectl.controllers import JOINTS
 from cranectl.export.sample import ControlSample
 from cranectl.signals import ROPE
-from cranectl.simulate import Run, make_encoders, read_encoder
+from cranectl.simulate import Encoders, PreparedController, Run
 from cranectl.support import Array, CompiledStep
 
 PARTS_OF_A_RUN, SAMPLES_IN_A_ROW = 5, 200  # samples in a row, spread over the run
@@ -37,11 +37,12 @@ def replay(
 
 
 def inputs_of(
-    run: Run, sample: ControlSample, compiled: CompiledController, preview: int
+    run: Run, sample: ControlSample, prepared: PreparedController, preview: int
 ) -> list[tuple[Array, Array]]:
     """Return what each control sample of a run measures, and its rows of the reference."""
     measured = readings_of(run) if sample.measured == JOINTS else _states_of(run)
-    return [(row, compiled.reference[k : k + 1 + preview].ravel()) for k, row in enumerate(measured)]
+    reference = prepared.compiled.reference
+    return [(row, reference[k : k + 1 + preview].ravel()) for k, row in enumerate(measured)]
 
 
 def readings_of(run: Run) -> Array:
@@ -50,11 +51,7 @@ def readings_of(run: Run) -> Array:
     assert sensing is not None
     readings = run.state.joints.copy()
     readings[:, ROPE // 2] += setting.rope_offset if setting else 0.0
-    encoders = make_encoders(sensing, run.scenario.steps + 1)
-    for k, row in enumerate(readings):
-        for joint in range(JOINTS):
-            row[joint] = read_encoder(encoders, k, joint, row[joint])
-    return readings
+    return Encoders.of(sensing, run.scenario.steps + 1).read(readings)
 
 
 def _states_of(run: Run) -> Array:

@@ -6,14 +6,14 @@ from dataclasses import replace
 from math import inf
 from typing import Any
 
-from cranectl.controllers import OPEN, SharedControllers
+from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest
 from cranectl.live.session import Session
 from cranectl.loaders.opening import open_again
 from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
-from cranectl.simulate import BLOCK_TIMEOUT, Run, plan_scenario
+from cranectl.simulate import Loop, Plan, Run
 from cranectl.status import RunStatus
 from cranectl.support import Child, InputError, Parent
 
@@ -35,9 +35,9 @@ class ChildSession:
     ) -> None:
         """Prepare the session at time zero; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
-        self.plan = plan_scenario(scenario)
+        self.plan = Plan.of(scenario)
         self.origin_ns, self.now_ns, self.moving = 0, 0, True
-        self._names, self._timeout = PLANTS.to_run(plants), BLOCK_TIMEOUT
+        self._names, self._timeout = PLANTS.to_run(plants), Loop.TIMEOUT
         self._child: Child | None = None
         self._runs = self._start()
         if not self._runs:
@@ -106,7 +106,7 @@ class ChildSession:
     def _start(self) -> list[Run]:
         """Start the child process and return runs without rows, or an empty list if the process has ended."""
         settings = (self.scenario, self.design, self._names, PLANTS.model_files, self.drive, self.origin_ns)
-        self._child = Child.spawn(_serve_requests, OPEN.share(), settings)
+        self._child = Child.spawn(_serve_requests, ALL_CONTROLLERS.opened.share(), settings)
         return (
             self._ask("advance", 0, timeout=inf) or []
         )  # the start imports and may compile, so it has no time limit

@@ -18,9 +18,10 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import HandRequest, LatestRequest, check_can_be_driven, checked_number
 from cranectl.live.hand_limits import hand_limits
+from cranectl.plants import DRIVES
 from cranectl.reference import HandLimits
 from cranectl.scenario import Scaled, Scenario
-from cranectl.simulate import PlannedReference, checked_drive, plan_reference, prepare_controller
+from cranectl.simulate import PlannedReference, PreparedController
 from cranectl.support import InputError, printable
 
 Value = bool | float | str
@@ -74,7 +75,7 @@ class Controls:
     ) -> None:
         """Set the start values of all parameters; raise InputError for a speed that is not allowed."""
         self._latest_request, self._last_refusal, self._driven = LatestRequest(), "", False
-        self._scenario, self._design, self._drive = scenario, design, checked_drive(drive)
+        self._scenario, self._design, self._drive = scenario, design, DRIVES.checked(drive)
         self._lock = threading.Lock()
         self._commands: SimpleQueue[Command] = SimpleQueue()
         length = scenario.rig.length_scale
@@ -90,7 +91,7 @@ class Controls:
 
     @functools.cached_property
     def _planned(self) -> PlannedReference:
-        return plan_reference(self._scenario)
+        return PlannedReference.of(self._scenario)
 
     @property
     def paused(self) -> bool:
@@ -206,7 +207,7 @@ class Controls:
         design = _with_values(design, {**before, **values})
         if design.to_json() == self._design.to_json():
             return
-        prepare_controller(self._scenario, design, self._drive, self._planned)  # raises if unstable
+        PreparedController.of(self._scenario, design, self._drive, self._planned)  # raises if unstable
         if self._driven:
             check_can_be_driven(design)
         for name in tunable_values(self._design):

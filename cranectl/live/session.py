@@ -8,32 +8,14 @@ holds the last reference point and the last disturbances. Time never goes back, 
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cranectl.controllers import MEMORY
 from cranectl.design import ControllerDesign
 from cranectl.live.hand import RELEASED, HandReference, HandRequest, check_can_be_driven
-from cranectl.plants import PLANTS, Drive, Plant, air_velocity
+from cranectl.plants import PLANTS, Drive, Plant
 from cranectl.scenario import NANOSECONDS, Disturbance, Scenario
 from cranectl.signals import Z
-from cranectl.simulate import (
-    Loop,
-    Run,
-    make_encoders,
-    make_plant,
-    plan_scenario,
-    prepare_controller,
-    rows_at,
-)
-from cranectl.support import Array, TakesTurns
-
-
-def _carried_over_size(before: ControllerDesign, after: ControllerDesign, memory: Array) -> int:
-    """Return how many memory values the next controller takes over; zero outside the flat family."""
-    old, new = before.axis_design, after.axis_design
-    if old is None or new is None:
-        return 0
-    return len(memory) if new.robustifier is old.robustifier else MEMORY.robustifier
+from cranectl.simulate import Encoders, Loop, Plan, PreparedController, Run
+from cranectl.support import TakesTurns
 
 
 class Session(TakesTurns):
@@ -50,20 +32,20 @@ class Session(TakesTurns):
     ) -> None:
         """Prepare the session at the time `origin_ns`; raise InputError as `simulate_run` does."""
         self.scenario, self.design, self.drive = scenario, design, drive
-        self.plan = plan_scenario(scenario)
+        self.plan = Plan.of(scenario)
         self.origin_ns = origin_ns  # time of the last start
         self._samples = 0  # since the last start
         self._active_pulses: list[Disturbance] = []
         self._all_pulses: list[Disturbance] = []  # since the last start
         self._hand: HandReference | None = None  # None until a user drives by hand
-        self._compiled = prepare_controller(scenario, design, drive, self.plan)
+        self._controller = PreparedController.of(scenario, design, drive, self.plan)
         period = scenario.period_ns / NANOSECONDS
         samples = round(Scenario.MAX_SECONDS / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
-        self._air_velocity = air_velocity(scenario.effects, 1 if still else samples, period)
+        self._air_velocity = scenario.effects.air_velocity(1 if still else samples, period)
         sensing = scenario.effects.sensing
-        self._encoders = make_encoders(sensing, samples) if sensing else None
-        self._plants = [make_plant(name, scenario, drive) for name in PLANTS.to_run(plants)]
+        self._encoders = Encoders.of(sensing, samples) if sensing else None
+        self._plants = [PLANTS.make(name, scenario, drive) for name in PLANTS.to_run(plants)]
         self._start()
 
     @property
@@ -85,10 +67,12 @@ class Session(TakesTurns):
     def advance(self, samples: int) -> list[Run]:
         """Return the next increment of every plant's run; it has no rows if the plant had stopped before."""
         index = np.arange(self._samples, self._samples + samples)
-        reference = self._reference(index)
-        disturbance = self._disturbance(index)
-        wind = rows_at(self.plan.wind, index)
-        wind[:, :3] = rows_at(self._air_velocity, index)
+        reference, disturbance, wind = self.plan.rows_at(index)
+        if self._hand:
+            reference = self._hand.rows(index)
+        for pulse in self._active_pulses:
+            disturbance[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration
+        wind[:, :3] = self._air_velocity[np.minimum(index, len(self._air_velocity) - 1)]
         runs = [loop.part(samples, (reference, disturbance, wind)) for loop in self._loops]
         self._samples += samples
         now = self._samples * self.scenario.period_ns / NANOSECONDS
@@ -96,19 +80,13 @@ class Session(TakesTurns):
         return runs
 
     def use(self, design: ControllerDesign) -> None:
-        """Continue with another controller; raise InputError if it is unstable at this control period.
-
-        The set-points carry over. Between two controllers of the flat family, the dynamic extension carries
-        over too. So do the states of the robustifier, if both use the same one. Any other controller begins
-        at the present reference.
-        """
-        compiled = prepare_controller(self.scenario, design, self.drive, self.plan)
+        """Continue with another controller as `Loop.use` does; raise InputError if it is unstable."""
+        controller = PreparedController.of(self.scenario, design, self.drive, self.plan)
         if self._hand:
             check_can_be_driven(design)
-        self._compiled = compiled
-        before, self.design = self.design, design
+        self._controller, self.design = controller, design
         for loop in self._loops:
-            loop.use(compiled, design, carried=_carried_over_size(before, design, loop.memory))
+            loop.use(controller)
             if self._hand:
                 loop.follow(self._hand.table)
 
@@ -153,22 +131,9 @@ class Session(TakesTurns):
 
     def _begin(self, plant: Plant) -> Loop:
         """Return a loop at the start of the scenario, with noise for the longest run."""
-        loop = Loop(self.scenario, plant, self._compiled, self.plan, design=self.design, endless=True)
+        loop = Loop(self.plan, plant, self._controller, endless=True)
         loop.origin_ns = self.origin_ns
         if loop.path and self._encoders:
             loop.path = loop.path._replace(encoders=self._encoders)
         loop.bind()
         return loop
-
-    def _reference(self, index: NDArray[np.intp]) -> Array:
-        """Return the reference at the next samples `index` (n,): shape (n, 15)."""
-        if self._hand:
-            return self._hand.rows(index)
-        return rows_at(self.plan.reference, index)
-
-    def _disturbance(self, index: NDArray[np.intp]) -> Array:
-        """Return the disturbances of scenario and pulses at samples `index` (n,): shape (n, 2)."""
-        rows = rows_at(self.plan.disturbance, index)
-        for pulse in self._active_pulses:
-            rows[pulse.acts(index * self.scenario.period_ns)] += pulse.acceleration
-        return rows

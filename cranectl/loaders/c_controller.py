@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers import Controller, Logged, Nominal, Parameter, called_by_address
+from cranectl.controllers import Controller, Logged, Nominal, Parameter
 from cranectl.loaders import library
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.opening import ControllerFile, copy_of
@@ -57,7 +57,7 @@ def open_library(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     ]
     controller = Controller(
         **{key: declared[key] for key in DECLARED},
-        step=called_by_address,
+        step=Controller.called_by_address,
         prepare=prepare,
         reads=None if declared["reads"] is None else tuple(declared["reads"]),
         parameters=tuple(Parameter(**parameter) for parameter in searched),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers import Controller, Logged, Nominal, called_by_address
+from cranectl.controllers import Controller, Logged, Nominal
 from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.declaration_process import ask_declaration
 from cranectl.loaders.fmu_variables import Variables, variables_of
@@ -185,7 +185,7 @@ def open_fmu(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     controller = Controller(
         name=table.name or slug(fmu.description.modelName or "") or slug(file.path.stem),
         title=table.title or fmu.description.description or fmu.description.modelName or file.path.name,
-        step=called_by_address,
+        step=Controller.called_by_address,
         prepare=prepare,
         command=table.command,
         follows=table.follows,

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from cranectl.controllers import MAX_SIGNAL_NAME, Parameter
+from cranectl.controllers import Controller, Parameter
 from cranectl.loaders.fmu_step import HELD, MEASURED
 from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
@@ -273,7 +273,7 @@ def _named(variables: Sequence[Any], file: ControllerFile) -> dict[str, Any]:
     """Return the variables by names that signals allow; raise InputError if two would be equal."""
     named: dict[str, Any] = {}
     for variable in variables:
-        name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[:MAX_SIGNAL_NAME]
+        name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[: Controller.MAX_SIGNAL_NAME]
         if name in named:
             raise InputError(
                 f"{file.reference}: '{named[name].name}' and '{variable.name}' would both be called {name}",

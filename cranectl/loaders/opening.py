@@ -14,11 +14,12 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import NamedTuple
 
-from cranectl.controllers import FILE, OPEN, UDP, Controller, SharedControllers, register_controller
+from cranectl.controllers import ALL_CONTROLLERS, Controller, SharedControllers, register_controller
 from cranectl.design import Origin
 from cranectl.support import Arguments, File, InputError, Provenance
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
+OPEN, UDP = ALL_CONTROLLERS.opened, ALL_CONTROLLERS.UDP
 LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
     ".py": "cranectl.loaders.python_controller:open_python",
     ".so": "cranectl.loaders.c_controller:open_library",
@@ -166,7 +167,7 @@ def open_controller(reference: str) -> str:
     """
     if reference.startswith(UDP):
         return _register(ControllerFile(reference, Path(), "", reference.encode(), place=reference))
-    match = FILE.fullmatch(reference)
+    match = ALL_CONTROLLERS.FILE.fullmatch(reference)
     if match is None:
         raise InputError(
             f"'{reference}' names no controller in a file",

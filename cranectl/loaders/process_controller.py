@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from pydantic import Field
 
-from cranectl.controllers import UDP, Controller, Slots, called_by_address
+from cranectl.controllers import ALL_CONTROLLERS, Controller, Slots
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of
 from cranectl.scenario import Settings
@@ -71,7 +71,7 @@ class ProcessSettings(Settings):
 def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller that a TOML file or a UDP address describes; raise InputError."""
     table = {"address": file.reference}
-    if not file.reference.startswith(UDP):
+    if not file.reference.startswith(ALL_CONTROLLERS.UDP):
         table = TOML.parse(file.content.decode("utf-8", "replace"), str(file.path))
     settings = ProcessSettings.from_table(table, file.reference)
     if not file.companions:  # a worker process already has these files
@@ -83,7 +83,7 @@ def open_process(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     controller = Controller(
         name=settings.name,
         title=f"in another process, {settings.address or ' '.join(settings.program)}",
-        step=called_by_address,
+        step=Controller.called_by_address,
         prepare=lambda _: (np.zeros(1), memory.copy()),
         command=settings.command,
         follows=settings.follows,

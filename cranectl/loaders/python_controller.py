@@ -19,15 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.controllers import (
-    MAX_MEMORY,
-    Controller,
-    Logged,
-    Nominal,
-    Parameter,
-    Slots,
-    real_numbers,
-)
+from cranectl.controllers import Controller, Logged, Nominal, Parameter, Slots, real_numbers
 from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
@@ -164,7 +156,11 @@ def _memory(owner: Any, start: Any) -> Array:
     """Return the memory at the start of a run; raise InputError if `start` does not describe one."""
     if isinstance(start, Slots):
         return start.array()
-    if isinstance(start, Integral) and not isinstance(start, bool) and 0 <= int(start) <= MAX_MEMORY:
+    if (
+        isinstance(start, Integral)
+        and not isinstance(start, bool)
+        and 0 <= int(start) <= Controller.MAX_MEMORY
+    ):
         return np.zeros(int(start))
     try:
         memory = real_numbers(start)
@@ -173,7 +169,8 @@ def _memory(owner: Any, start: Any) -> Array:
     except (TypeError, ValueError, MemoryError):
         raise InputError(
             f"{owner}.memory = {InputError.shown(start)}",
-            allowed=f"how many numbers it has, 0 to {MAX_MEMORY}, or a list of those that it starts with",
+            allowed=f"how many numbers it has, 0 to {Controller.MAX_MEMORY}, "
+            "or a list of those that it starts with",
             remedy="give one of the two",
         ) from None
     return memory

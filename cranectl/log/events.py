@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cranectl.scenario import Scenario, Segment, Spline, nanoseconds
 from cranectl.signals import State
-from cranectl.simulate import Run, disturbances_at
+from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import Array, Quantity
 
@@ -84,7 +84,7 @@ def status_changes(run: Run) -> list[StatusChange]:
     def at(time_ns: int, status: RunStatus) -> StatusChange:
         row = min(int(np.searchsorted(run.time_ns, time_ns)), len(inside) - 1)
         phase = [phase for start, phase in phases(run.scenario) if start <= time_ns][-1]
-        acting = Disturbed(int(disturbed(disturbances_at(run.scenario, np.array([time_ns])))[0]))
+        acting = Disturbed(int(disturbed(run.scenario.disturbances_at(np.array([time_ns])))[0]))
         within, saturated = (bool(inside[row]), int(limited[row])) if len(inside) else (False, 0)
         return StatusChange(time_ns, status, within, phase, acting, Saturated(saturated))
 
@@ -114,7 +114,7 @@ def disturbance_times(scenario: Scenario) -> set[int]:
 
 
 def disturbed(disturbances: Array) -> NDArray[np.int64]:
-    """Return `Disturbed` (N,) of disturbances (N, 5) in the order of `simulate.disturbances_at`."""
+    """Return `Disturbed` (N,) of disturbances (N, 5) in the order of `Scenario.disturbances_at`."""
     angles, force = disturbances[:, :2] != 0.0, (disturbances[:, 2:] != 0.0).any(axis=1)
     acting: NDArray[np.int64] = angles @ np.array([1, 2]) + 4 * force
     return acting

@@ -16,10 +16,10 @@ from cranectl.design import ControllerDesign
 from cranectl.log.consistency import MAX_NS, Outcome, Sampling, check_outcome
 from cranectl.log.topics import Topics, group_schema
 from cranectl.mcap_columns import MAX_DEFINITION, DamageError, McapFile, UnsupportedError
-from cranectl.plants import PLANTS, Drive, PlantEntry
+from cranectl.plants import DRIVES, PLANTS, Drive, PlantEntry
 from cranectl.scenario import MeasuredScenario, Scenario
 from cranectl.signals import Signal, SignalGroup
-from cranectl.simulate import Run, checked_drive, groups_of
+from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import JSON, InputError, LogError, Provenance, Tree
 
@@ -73,7 +73,7 @@ class LogHeader(Sampling):
         """Return the recorded groups of signals of one plant, by topic."""
         recorded = self.own_groups
         if recorded is None:
-            recorded = groups_of(self.scenario, self.design, self.drive)
+            recorded = Run.groups_of(self.scenario, self.design, self.drive)
         return {Topics(self.label or plant).of(group.name): group for group in recorded}
 
     def groups(self) -> dict[str, SignalGroup]:
@@ -146,7 +146,7 @@ def _read(metadata: Mapping[str, Mapping[str, str]], attachments: Mapping[str, b
     header = LogHeader(
         scenario=scenario,
         design=design,
-        drive=checked_drive(declared["drive"]),
+        drive=DRIVES.checked(declared["drive"]),
         every=_count(declared["every"], least=1),
         models={p: attachments.get(f"{p}.xml", attachments.get(f"{p}.txt", b"")).decode() for p in plants},
         versions=metadata["versions"],
@@ -267,7 +267,7 @@ def _documents(scenario: Scenario, design: ControllerDesign) -> dict[str, str]:
 
 def check_recordable(scenario: Scenario, design: ControllerDesign, drive: Drive) -> None:
     """Raise InputError if the log of such a run could not be read, before it is computed or written."""
-    for group in groups_of(scenario, design, drive):
+    for group in Run.groups_of(scenario, design, drive):
         size = len(group_schema(group))
         if size > MAX_DEFINITION:
             raise InputError(

@@ -199,7 +199,7 @@ class LiveMessages:
 
 
 def _disturbances(run: Run) -> Array:
-    """Return the recorded disturbances, (N, 5) in the order of `simulate.disturbances_at`."""
+    """Return the recorded disturbances, (N, 5) in the order of `Scenario.disturbances_at`."""
     return np.hstack([run.block("disturbance"), run.load_force])
 
 

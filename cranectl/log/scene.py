@@ -19,7 +19,7 @@ from cranectl.metrics import NEARLY_SLACK
 from cranectl.plants import PLANTS
 from cranectl.scenario import NANOSECONDS, Drawing, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, TENSION, TROLLEY
-from cranectl.simulate import Run, disturbances_at
+from cranectl.simulate import Run
 from cranectl.support import Array, Palette
 
 Rows = list[list[float]]
@@ -193,12 +193,12 @@ def trail(
 def all_arrows(run: Run) -> Stream:
     """Return the arrows of a whole run."""
     times = sorted(time for time in {0, *disturbance_times(run.scenario)} if time <= run.end_ns)
-    acting, rig = disturbances_at(run.scenario, np.array(times)), run.scenario.rig
+    acting, rig = run.scenario.disturbances_at(np.array(times)), run.scenario.rig
     return arrows(run.plant, times, acting, mass=rig.load_mass, scale=Drawing(rig).scale)
 
 
 def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float, scale: float) -> Stream:
-    """Return arrows for `disturbances` (N, 5) of a load of `mass`, in the order of `disturbances_at`.
+    """Return arrows for `disturbances` (N, 5) of a `mass`, in the order of `Scenario.disturbances_at`.
 
     Each message deletes the arrows before it. A disturbance of alpha pushes the load along y, and one of beta
     along x. The length of an arrow is proportional to the acceleration of the load [m/s²]; for an angle it is

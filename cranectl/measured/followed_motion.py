@@ -1,7 +1,7 @@
 """Follow the measured motion of bridge, trolley and rope.
 
-This controller is not registered. `Loop.repeating` prepares it with the rows that it follows, in place of a
-reference.
+This controller is not registered. `PreparedController.repeating` prepares it with the rows that it follows,
+in place of a reference.
 """
 
 import numpy as np

@@ -13,14 +13,13 @@ from typing import Literal
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cranectl.controllers import repeated_commands
 from cranectl.design import ControllerDesign
 from cranectl.measured.assembly import RATE_ORDER, rate_samples
 from cranectl.measured.followed_motion import MEASURED_MOTION
-from cranectl.plants import DRIVES, Drive, PhysicsStep
+from cranectl.plants import PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step, nanoseconds
 from cranectl.signals import SignalGroup, State
-from cranectl.simulate import Loop, Plan, Run, check_runs, make_plant
+from cranectl.simulate import Loop, Plan, PreparedController, Run, RunMemory
 from cranectl.support import Array, InputError
 
 # Steps of order 5 with four steps in the fastest time, the shortest lag of a drive for example, err by less
@@ -76,19 +75,20 @@ def simulate_replay(
         state = np.repeat(state, parts, axis=0)[: len(commands)]
         time_ns = scenario.period_ns * np.arange(len(commands))
     samples = len(time_ns)
-    controller = MEASURED_MOTION if replay == "motion" else repeated_commands(DRIVES[drive].command)
-    check_runs(scenario, ControllerDesign(controller.name), drive)
+    RunMemory(scenario).check_runs(ControllerDesign(""), drive)
     plan = Plan(
         time_ns=time_ns,
         reference=np.zeros((samples, len(SignalGroup.REFERENCE))),
         reference_state=state,
         gravity=scenario.rig.gravity,
+        scenario=scenario,
         initial_state=start,
         disturbance=np.zeros((samples, 2)),
         wind=np.zeros((samples, 6)),
     )
-    crane = make_plant(plant, scenario, drive)
-    simulated = Loop.repeating(controller, commands, scenario, crane, plan).run()
+    crane = PLANTS.make(plant, scenario, drive)
+    repeated = (commands, MEASURED_MOTION) if replay == "motion" else (commands,)
+    simulated = Loop(plan, crane, PreparedController.repeating(plan, drive, *repeated)).run()
     if parts == 1:
         return simulated
     table, reference = (rows[::parts] for rows in (simulated.table, simulated.reference))

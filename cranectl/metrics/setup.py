@@ -9,7 +9,6 @@ from cranectl.plants import DRIVES, Drive
 from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Drawing, ReferenceSettings, Scenario
 from cranectl.signals import COLUMN
-from cranectl.simulate import has_signal_path
 from cranectl.support import Array
 
 FLAG_COLUMN = COLUMN.path_command + 3  # first of the three flags of saturation in the record of a signal path
@@ -55,7 +54,7 @@ def metrics_setup(scenario: Scenario, drive: Drive, *, flag_column: int = FLAG_C
             -1, 2, 3
         ),
         load_radius=Drawing(rig).load_radius,
-        flag_column=flag_column if has_signal_path(scenario.effects, drive) else NO_FLAGS,
+        flag_column=flag_column if DRIVES[drive].has_signal_path(scenario.effects) else NO_FLAGS,
     )
 
 

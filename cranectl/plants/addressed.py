@@ -17,7 +17,7 @@ from cranectl.support import Array, Block, CompiledStep, Specialised, jit
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
-MEASURE, ADVANCE = 0, 1
+MEASURE, ADVANCE = 0, 1  # actions of `_step`
 array_at = Block.array_at  # compiled code looks up no members
 
 
@@ -28,14 +28,26 @@ class AddressedPlant(NamedTuple):
     block: Array  # the packed handle
     warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
 
+    @classmethod
+    def of(cls, kernels: Kernels, handle: Any) -> "AddressedPlant":
+        """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
+        warned = np.zeros(1, dtype=np.int64)
+        if CompiledStep.UNCOMPILED:
+            return cls(cast(Any, kernels), handle, warned)
+        block = Block(handle)
+        return cls(_address(kernels, block.kind), block.numbers, warned)
 
-def addressed_plant(kernels: Kernels, handle: Any) -> AddressedPlant:
-    """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
-    warned = np.zeros(1, dtype=np.int64)
-    if CompiledStep.UNCOMPILED:
-        return AddressedPlant(cast(Any, kernels), handle, warned)
-    block = Block(handle)
-    return AddressedPlant(_address(kernels, block.kind), block.numbers, warned)
+    @staticmethod
+    def object_file(plant: Plant, name: str) -> tuple[bytes, dict[str, int]]:
+        """Return an object file for use without Python, and the actions of its function `name`.
+
+        The function is that which `_address` compiles. Its second argument is one of the actions.
+        """
+        if plant.kernels is None:
+            raise TypeError(f"the {plant.name} plant has no kernels")
+        unpack = Block.unpacker(Block(plant.handle).kind)
+        specialised = Specialised(_step, name, unpack=unpack, **plant.kernels._asdict())
+        return specialised.object_code(_ARGUMENTS), {"MEASURE": MEASURE, "ADVANCE": ADVANCE}
 
 
 @functools.cache
@@ -44,14 +56,6 @@ def _address(kernels: Kernels, kind: Any) -> int:
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
     return Specialised(_step, name, unpack=Block.unpacker(kind), **kernels._asdict()).address(_ARGUMENTS)
-
-
-def plant_object(plant: Plant, name: str) -> bytes:
-    """Return an object file with the function `name` that `_address` compiles, for use without Python."""
-    if plant.kernels is None:
-        raise TypeError(f"the {plant.name} plant has no kernels")
-    unpack = Block.unpacker(Block(plant.handle).kind)
-    return Specialised(_step, name, unpack=unpack, **plant.kernels._asdict()).object_code(_ARGUMENTS)
 
 
 # `_address` replaces these names by the kernels of a plant when it compiles `_step`.
@@ -127,3 +131,6 @@ def advance_addressed(plant, command, disturbance, wind, load):
 def addressed_warnings(plant):
     """Return the number of numerical warnings, or -1 if a kernel raised an exception."""
     return plant.warned[0]
+
+
+ADDRESSED = Kernels(measure_addressed, advance_addressed, addressed_warnings)  # they take an AddressedPlant

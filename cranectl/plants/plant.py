@@ -31,6 +31,10 @@ class DriveKind:
         """Whether the axes move as commanded under any force."""
         return self.command == "acceleration"
 
+    def has_signal_path(self, effects: EffectSettings) -> bool:
+        """Return True if a run needs a signal path: for its effects, or to record the forces of drives."""
+        return effects.staged or self.column is None
+
     def push(self, rig: RigParameters, effects: EffectSettings) -> tuple[Triple, Triple, Triple]:
         """Return gain, damping and holding force [N]: force = gain · command - damping · rate - holding."""
         bridge, trolley, winch = rig.velocity_gains.tolist()
@@ -39,18 +43,31 @@ class DriveKind:
         return (servo, servo, load_force) if self.is_servo else ((1.0, 1.0, 1.0), none, load_force)
 
 
-DRIVES: dict[Drive, DriveKind] = {
-    "ideal": DriveKind("acceleration", column=0, at_rest="nothing"),
-    "velocity": DriveKind(
-        "velocity",
-        column=3,
-        at_rest="rates",
-        limits=("velocity", "acceleration", "force"),
-        is_servo=True,
-        holds_weight=True,
-    ),
-    "force": DriveKind("force", column=None, at_rest="weight", limits=("force",)),
-}
+class Drives(dict[Drive, DriveKind]):
+    """All kinds of drives by name."""
+
+    def checked(self, name: str) -> Drive:
+        """Return `name` as a kind of drive; raise InputError for an unknown name."""
+        for drive in self:
+            if drive == name:
+                return drive
+        raise InputError.unknown("drive", name, self)
+
+
+DRIVES = Drives(
+    {
+        "ideal": DriveKind("acceleration", column=0, at_rest="nothing"),
+        "velocity": DriveKind(
+            "velocity",
+            column=3,
+            at_rest="rates",
+            limits=("velocity", "acceleration", "force"),
+            is_servo=True,
+            holds_weight=True,
+        ),
+        "force": DriveKind("force", column=None, at_rest="weight", limits=("force",)),
+    }
+)
 
 
 class StepError(InputError):

@@ -12,33 +12,23 @@ from importlib.util import find_spec
 from pkgutil import resolve_name
 from typing import Any
 
+from cranectl.plants.capabilities import LACKS, Capabilities
 from cranectl.plants.plant import DRIVES, Drive, Plant
-from cranectl.scenario import EFFECTS
+from cranectl.plants.steps import PhysicsStep
+from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.support import Arguments, Extensions, InputError, Palette, Provenance
 
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(name for name in Palette.LIGHT if name in Palette.VIEWER and name.startswith("series-"))
-# Effects that a plant shows or lacks as a whole, and parts of the other effects.
-WHOLE_EFFECTS = [
-    name for name, kind in EFFECTS.items() if not kind.is_staged and (kind.is_structural or not kind.parts)
-]
-PARTS = {
-    f"{name}.{part}": declared for name, kind in EFFECTS.items() for part, declared in kind.parts.items()
-}
-# What a plant may lack: effects, parts of effects, all forces on its axes, and disturbances of its load.
-LACKS = (*WHOLE_EFFECTS, *PARTS, "force", "disturbances", "disturbances.force")
-# A plant shows these effects unless it declares that it lacks them; others only if it declares them.
-COMMON = ("limits", "friction", "rope", "body", "wind", "frame", "installation")
 BUILT_IN = (
     "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
     "trolley_time_constant", "winch_time_constant",
 )  # fmt: skip
-REFERENCE_PLANT = "mujoco"  # the plant that others are compared against
 OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"  # the class of plants from model files
 
 
 @dataclass(frozen=True)
-class PlantEntry:
+class PlantEntry(Capabilities):
     """Declare a plant: its names, where its class is, and which settings it honours.
 
     Parameters
@@ -143,30 +133,6 @@ class PlantEntry:
             differs=declared.get("differs", ""),
         )
 
-    def why_lacking(self, setting: str) -> str | None:
-        """Return why the plant does not honour a setting, or the effect that it is part of, or None."""
-        above = "disturbances" if setting == "disturbances.force" else ""
-        if setting in PARTS:
-            above = "force" if PARTS[setting].on_axes else setting.partition(".")[0]
-        return self.lack(setting) or self.lack(above)
-
-    def lack(self, setting: str) -> str | None:
-        """Return why the plant does not honour `setting`, one of LACKS, or None if no reason is declared."""
-        effect = setting.partition(".")[0]
-        is_undeclared = setting in (*WHOLE_EFFECTS, *PARTS) and not self._shows(effect)
-        return self.lacks.get(setting, "which does not show it" if is_undeclared else None)
-
-    def _shows(self, effect: str) -> bool:
-        """Return True if an effect is declared; load the plant only for one that is not COMMON."""
-        if self.shows is not None:
-            return effect in self.shows
-        if effect in COMMON:
-            return True
-        try:
-            return effect in getattr(self.load(), "shows", ())
-        except (InputError, ImportError):  # not installed
-            return False
-
     def check_installed(self) -> None:
         """Raise InputError if the package that the plant needs, or that defines it, is not installed."""
         if not self.where:
@@ -189,7 +155,7 @@ class PlantEntry:
             raise InputError(
                 f"a campaign on the {self.label} plant, which is too slow for thousands of runs",
                 allowed=labels_of(able),
-                remedy=f"take '--plants {REFERENCE_PLANT}', and {self.name} for single runs",
+                remedy=f"take '--plants {PLANTS.REFERENCE}', and {self.name} for single runs",
             )
 
     def load(self) -> Callable[..., Plant]:
@@ -206,6 +172,8 @@ class Plants(MutableMapping[str, PlantEntry]):
     out, since they cannot be run.
     """
 
+    REFERENCE = "mujoco"  # the plant that others are compared against
+    MODEL_ENDING = ".xml"  # of the name of a model file
     ALL = (("all",), ("both",))  # values that stand for every plant; "both" dates from when there were two
 
     def __init__(self, *own: PlantEntry) -> None:
@@ -239,6 +207,42 @@ class Plants(MutableMapping[str, PlantEntry]):
         InputError.check_known("plant", [name], self)
         return self[name]
 
+    def find(self, name: str, rig: RigParameters | None = None) -> PlantEntry:
+        """Return the entry of a plant, which a name or the path of a model file stands for.
+
+        From now on this process knows the model file. With a `rig`, which gives the names of sites and
+        actuators, the entry says what the model has. Raises InputError if there is no such plant or file, or
+        if its model is not a crane.
+        """
+        from cranectl.plants.model_files import entry_of_file
+
+        entry = entry_of_file(name) if name.endswith(self.MODEL_ENDING) else self.entry(name)
+        if rig is None or not entry.is_model_file:
+            return entry
+        complete: PlantEntry = resolve_name("cranectl.plants.mujoco.own_plant:examined")(
+            entry, rig.plant.names
+        )
+        if complete != entry:
+            self[entry.name] = complete
+        return self[entry.name]
+
+    def make(self, name: str, scenario: Scenario, drive: Drive) -> Plant:
+        """Make a plant for a scenario; raise InputError if it is unknown or cannot show the scenario."""
+        entry = self.find(name, scenario.rig)
+        entry.check_scenario(scenario, drive)
+        if not entry.is_own:
+            from cranectl.plants.trials import check_honest
+
+            check_honest(entry.name, drive)
+        steps = PhysicsStep(scenario, drive).per_period
+        return entry.load()(
+            scenario.rig,
+            drive=drive,
+            step=scenario.period_ns / NANOSECONDS / steps,
+            substeps=steps,
+            effects=scenario.effects_on_plant,
+        )
+
     def in_order(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return plants in the order of a log; raise InputError for an unknown one."""
         chosen = {self.entry(name).name for name in names}
@@ -249,12 +253,16 @@ class Plants(MutableMapping[str, PlantEntry]):
         """The plants that a command runs if none are named."""
         return tuple(name for name, entry in self.items() if entry.by_default)
 
-    def to_run(self, names: Iterable[str]) -> tuple[str, ...]:
-        """Return the plants to run, in order; raise InputError for one that is unknown or not installed."""
-        chosen = self.in_order(names) or self.by_default
+    def to_run(self, names: Iterable[str], rig: RigParameters | None = None) -> tuple[str, ...]:
+        """Return the plants to run: those in `names`, or the default ones and the model file of the rig.
+
+        Raises InputError for one that is unknown or not installed.
+        """
+        stated = self.in_order(names)
+        chosen = stated or self.by_default
         for name in chosen:
             self[name].check_installed()
-        return chosen
+        return chosen if stated or rig is None or not rig.model else (*chosen, self.find(rig.model).name)
 
     def of_logs(self, names: Sequence[str], logged: Iterable[str]) -> tuple[str, ...]:
         """Return the plants that a user names for logs; `all` means those in `logged`, else all known ones.
@@ -266,9 +274,9 @@ class Plants(MutableMapping[str, PlantEntry]):
         return tuple(self.entry(name).name for name in names)
 
     def reference(self, names: Iterable[str]) -> str:
-        """Return the plant that the others are compared with: REFERENCE_PLANT, else the last one."""
+        """Return the plant that the others are compared with: REFERENCE, else the last one."""
         ordered = self.in_order(names)
-        return REFERENCE_PLANT if REFERENCE_PLANT in ordered else ordered[-1]
+        return self.REFERENCE if self.REFERENCE in ordered else ordered[-1]
 
     def shown(self, names: Iterable[str]) -> str:
         """Return the plant whose numbers and picture come first: a user's own, else the reference plant."""

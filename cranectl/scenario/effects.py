@@ -11,6 +11,8 @@ own `[effects]` or scaled to its size (`scenario.similarity`).
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Pair, Scaled, Settings, Triple
@@ -308,6 +310,24 @@ class EffectSettings(Settings):
     def linear_part(self) -> "EffectSettings":
         """The effects with only those settings that keep a plant linear."""
         return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
+
+    def air_velocity(self, samples: int, period: float) -> NDArray[np.float64]:
+        """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
+
+        Horizontal gusts are white noise filtered by 1/(1 + T s), the first-order form of Dryden's spectrum
+        (MIL-F-8785C). They are sampled exactly and stationary from the start. Equal seeds give equal wind.
+        """
+        wind = self.wind
+        if wind is None:
+            return np.zeros((samples, 3))
+        from scipy.signal import lfilter
+
+        decay = np.exp(-period / wind.gust_time)
+        white = np.random.default_rng(wind.seed).standard_normal((samples, 2))
+        white[1:] *= np.sqrt(1.0 - decay**2)
+        gusts = wind.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
+        velocity: NDArray[np.float64] = np.array(wind.mean) + np.column_stack([gusts, np.zeros(samples)])
+        return velocity
 
     @property
     def in_air(self) -> "EffectSettings":

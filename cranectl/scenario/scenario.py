@@ -194,6 +194,13 @@ class Scenario(Settings):
         """Whether a disturbance is a force on the load."""
         return any(step.force is not None for step in self.disturbances)
 
+    def disturbances_at(self, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return accelerations of alpha, beta [rad/s²] and force on the load (x, y, z) [N], shape (N, 5)."""
+        columns = np.zeros((len(time_ns), 5))
+        for step in self.disturbances:
+            columns[step.acts(time_ns)] += (*step.acceleration, *(step.force or (0.0, 0.0, 0.0)))
+        return columns
+
     @property
     def period_ns(self) -> int:
         """Control period in nanoseconds, the exact time base of records and logs."""

@@ -25,15 +25,15 @@ class Actuation(NamedTuple):
     period: float  # of control [s]
     masses: AxisMasses | None  # of the nominal crane, to compute forces; None unless the drives take forces
 
-
-def make_actuation(nominal: Scenario, drive: Drive = "ideal") -> Actuation:
-    """Return the actuation of a run, with the numbers of `nominal`."""
-    return Actuation(
-        lag=nominal.rig.time_constants * nominal.control.lag_compensation,
-        time_constant=nominal.rig.time_constants,
-        period=nominal.period_ns / NANOSECONDS,
-        masses=axis_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
-    )
+    @classmethod
+    def of(cls, nominal: Scenario, drive: Drive = "ideal") -> "Actuation":
+        """Return the actuation of a run, with the numbers of `nominal`."""
+        return cls(
+            lag=nominal.rig.time_constants * nominal.control.lag_compensation,
+            time_constant=nominal.rig.time_constants,
+            period=nominal.period_ns / NANOSECONDS,
+            masses=axis_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
+        )
 
 
 class UnloadedDrives(NamedTuple):
@@ -48,16 +48,16 @@ class UnloadedDrives(NamedTuple):
     period: float  # of control [s]
     velocity: Array  # (3,) their velocities [m/s]: the memory
 
-
-def make_unloaded_drives(nominal: Scenario, drive: Drive, start: Array) -> UnloadedDrives:
-    """Return drives with the time constants of `nominal` that move as at `start` (10,)."""
-    period = nominal.period_ns / NANOSECONDS
-    return UnloadedDrives(
-        are_read=not DRIVES[drive].is_prescribed,
-        share=-np.expm1(-period / nominal.rig.time_constants),
-        period=period,
-        velocity=initial_integral(start),
-    )
+    @classmethod
+    def of(cls, nominal: Scenario, drive: Drive, start: Array) -> "UnloadedDrives":
+        """Return drives with the time constants of `nominal` that move as at `start` (10,)."""
+        period = nominal.period_ns / NANOSECONDS
+        return cls(
+            are_read=not DRIVES[drive].is_prescribed,
+            share=-np.expm1(-period / nominal.rig.time_constants),
+            period=period,
+            velocity=initial_integral(start),
+        )
 
 
 def initial_integral(start: Array) -> Array:

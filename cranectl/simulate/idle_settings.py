@@ -15,8 +15,8 @@ from cranectl.controllers import ALL_CONTROLLERS, prepared
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, Scenario
-from cranectl.simulate.plan import plan_reference
-from cranectl.simulate.runner import nominal_crane
+from cranectl.simulate.plan import PlannedReference
+from cranectl.simulate.prepared import nominal_crane
 from cranectl.support import InputError, Tree
 
 LAG = "rig.*_time_constant"
@@ -54,64 +54,66 @@ class RunKind(NamedTuple):
 
     plant: str
     drive: Drive
-    controller: str
+    controller: str = ""
 
+    @staticmethod
+    def find_idle_settings(
+        scenario: Scenario, requested: Scenario, names: Iterable[str], uses: Iterable["RunKind"]
+    ) -> dict[str, list[str]]:
+        """Return those of `names` that change nothing in any of `uses`, by the reason in the first use.
 
-def idle_settings(
-    scenario: Scenario, requested: Scenario, names: Iterable[str], uses: Iterable[RunKind]
-) -> dict[str, list[str]]:
-    """Return those of `names` that change nothing in any of `uses`, grouped by the reason in the first use.
+        Parameters
+        ----------
+        scenario
+            The scenario that is run, with a planned reference.
+        requested
+            The same scenario as it was read, before its reference was planned.
+        names
+            Dotted names of the settings to check.
+        uses
+            The runs. A controller that cannot be designed raises its own error elsewhere, and is left out.
+        """
+        idle: dict[str, list[str]] = {}
+        runs = []
+        for use in uses:
+            with suppress(InputError):
+                runs.append((use, ALL_CONTROLLERS.design(use.controller, scenario)))
+        numbers = (leaf for leaf in Tree(scenario.model_dump()).leaves() if isinstance(leaf[1], int | float))
+        zero = {name: value == 0 for name, value in numbers}
+        for name in names:
+            reasons = [_why_idle(name, scenario, requested, run, zero) for run in runs]
+            if reasons and None not in reasons:
+                idle.setdefault(str(reasons[0]), []).append(name)
+        return idle
 
-    Parameters
-    ----------
-    scenario
-        The scenario that is run, with a planned reference.
-    requested
-        The same scenario as it was read, before its reference was planned.
-    names
-        Dotted names of the settings to check.
-    uses
-        The runs. A controller that cannot be designed raises its own error elsewhere and is left out here.
-    """
-    idle: dict[str, list[str]] = {}
-    runs = []
-    for use in uses:
-        with suppress(InputError):
-            runs.append((use, ALL_CONTROLLERS.design(use.controller, scenario)))
-    numbers = (leaf for leaf in Tree(scenario.model_dump()).leaves() if isinstance(leaf[1], int | float))
-    zero = {name: value == 0 for name, value in numbers}
-    for name in names:
-        reasons = [_why_idle(name, scenario, requested, run, zero) for run in runs]
-        if reasons and None not in reasons:
-            idle.setdefault(str(reasons[0]), []).append(name)
-    return idle
+    def why_idle_on_plant(self, name: str, zero: Mapping[str, bool]) -> str | None:
+        """Return why the setting `name` has no effect on the plant, or None if it has one.
 
-
-def why_idle_on_plant(name: str, plant: str, drive: Drive, zero: Mapping[str, bool]) -> str | None:
-    """Return why the setting `name` has no effect on a plant, or None if it has one.
-
-    `zero` says for each number, by name, whether it is 0 in all runs.
-    """
-    entry = PLANTS.entry(plant)
-    group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
-    for lack in (group, group.partition(".")[0]):
-        if reason := entry.lack(lack):
-            return f"the {entry.label} plant, {reason}"
-    if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and not entry.is_model_file:
-        return f"the {entry.label} plant is not from a model file"
-    if name.removeprefix("rig.") in entry.fixed:
-        return f"it is built into the {entry.label} plant"
-    if fnmatchcase(name, LAG) and not DRIVES[drive].is_servo:
-        return f"{drive} drives have no lag"
-    for factor in (
-        factor_name for pattern in FACTORS if fnmatchcase(name, pattern) for factor_name in FACTORS[pattern]
-    ):
-        if name.startswith("disturbances."):  # the factor must be of the same disturbance
-            factor = factor.replace("*", name.split(".")[1], 1)
-        names = [other for other in zero if fnmatchcase(other, factor)]
-        if names and all(zero[other] for other in names):
-            return f"{', '.join(names)} is 0 in all runs"
-    return None
+        `zero` says for each number, by name, whether it is 0 in all runs.
+        """
+        entry, drive = PLANTS.entry(self.plant), self.drive
+        group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
+        for lack in (group, group.partition(".")[0]):
+            if reason := entry.lack(lack):
+                return f"the {entry.label} plant, {reason}"
+        if any(fnmatchcase(name, pattern) for pattern in OF_MODELS) and not entry.is_model_file:
+            return f"the {entry.label} plant is not from a model file"
+        if name.removeprefix("rig.") in entry.fixed:
+            return f"it is built into the {entry.label} plant"
+        if fnmatchcase(name, LAG) and not DRIVES[drive].is_servo:
+            return f"{drive} drives have no lag"
+        for factor in (
+            factor_name
+            for pattern in FACTORS
+            if fnmatchcase(name, pattern)
+            for factor_name in FACTORS[pattern]
+        ):
+            if name.startswith("disturbances."):  # the factor must be of the same disturbance
+                factor = factor.replace("*", name.split(".")[1], 1)
+            names = [other for other in zero if fnmatchcase(other, factor)]
+            if names and all(zero[other] for other in names):
+                return f"{', '.join(names)} is 0 in all runs"
+        return None
 
 
 def _why_idle(
@@ -150,7 +152,7 @@ def _why_idle(
         source = "the observer" if name == OBSERVER_SETTING else "these encoders"
         return f"{use.controller} does not read {source}"
     zero = {key: is_zero for key, is_zero in zero.items() if not any(fnmatchcase(key, p) for p in unread)}
-    why = why_idle_on_plant(name, use.plant, use.drive, zero)
+    why = use.why_idle_on_plant(name, zero)
     if why and fnmatchcase(name, LAG) and (planned or _uses_lag(name, scenario, use, design)):
         return None
     return why
@@ -168,6 +170,8 @@ def _why_idle_in_design(name: str, scenario: Scenario, design: ControllerDesign)
 
 
 def _why_idle_in_plan(name: str, requested: Scenario) -> str | None:
+    if name == "planning.solver":
+        return "one solver plans all motions"
     segments = requested.reference.segments
     if not any(segment.is_timed_by_limits for segment in segments):
         return "no segment of the reference is planned"
@@ -208,10 +212,10 @@ def _uses_lag(name: str, scenario: Scenario, use: RunKind, design: ControllerDes
         return True
     key = name.removeprefix("rig.")
     changed = scenario.rig.model_copy(update={key: 2.0 * getattr(scenario.rig, key)})
-    controller, plan = ALL_CONTROLLERS.of_design(design), plan_reference(scenario)
+    controller, reference = ALL_CONTROLLERS.of_design(design), PlannedReference.of(scenario)
     try:
         one, other = (
-            prepared(controller, nominal_crane(candidate, design, controller, use.drive, plan))
+            prepared(controller, nominal_crane(candidate, design, controller, use.drive, reference))
             for candidate in (scenario, scenario.model_copy(update={"rig": changed}))
         )
     except InputError:  # the preparation checks the number

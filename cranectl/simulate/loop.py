@@ -6,28 +6,20 @@ plan.
 """
 
 from collections.abc import Callable, Iterator
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers import (
-    ALL_CONTROLLERS,
-    CompiledController,
-    Controller,
-    Nominal,
-    compile_controller,
-)
-from cranectl.design import ControllerDesign
-from cranectl.plants import DRIVES, Drive, Plant
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, SignalGroup
-from cranectl.simulate.actuation import initial_integral, make_actuation, make_unloaded_drives
+from cranectl.controllers import ALL_CONTROLLERS, MEMORY, Controller
+from cranectl.plants import DRIVES, Plant
+from cranectl.signals import COLUMN
+from cranectl.simulate.actuation import Actuation, UnloadedDrives, initial_integral
 from cranectl.simulate.child import BLOCK_TIMEOUT, CAN_FORK, blocks_here, blocks_in_child, shared_zeros
 from cranectl.simulate.loops import LoopInputs, compiled_loop, python_loop
 from cranectl.simulate.plan import Plan, rows_between
-from cranectl.simulate.run import Run, record_width
-from cranectl.simulate.signal_path import SignalPath, make_signal_path, whole_record
+from cranectl.simulate.prepared import PreparedController
+from cranectl.simulate.run import Run
+from cranectl.simulate.signal_path import SignalPath
 from cranectl.status import RunStatus
 from cranectl.support import Array
 
@@ -46,25 +38,20 @@ class Loop:
 
     Parameters
     ----------
-    scenario : Scenario
-        What is run.
-    plant : Plant
-        A plant of the scenario, as `make_plant` returns it. Only one loop at a time may use it.
-    controller : CompiledController
-        The controller, prepared for the plan; several loops may share it.
     plan : Plan
-        Reference, disturbances, and the state at the start.
-    design : ControllerDesign
-        The design that `controller` was prepared from.
-    nominal : Scenario, optional
-        The crane that the controller assumes; by default the scenario.
+        What is run: a scenario with its reference, disturbances, and the state at the start.
+    plant : Plant
+        A plant of the scenario, as `PLANTS.make` returns it. Only one loop at a time may use it.
+    controller : PreparedController
+        The controller, prepared for the reference of the plan; several loops may share it.
     compiled : bool
         Whether the compiled loop runs; the one in Python is slower and easy to debug.
     endless : bool
         Whether the run goes on after the end of the plan, whose last rows are then repeated.
     records : tuple of ndarray, shapes (n, columns) and (n, COLUMN.path_width), optional
-        Where samples are recorded, without and with the signal path. Once these rows are full, the next
-        samples overwrite them. By default each call of `advance` returns new arrays.
+        Where samples are recorded, without and with the signal path; `PreparedController.records` makes them.
+        Once these rows are full, the next samples overwrite them. By default each call of `advance` returns
+        new arrays.
 
     Attributes
     ----------
@@ -83,62 +70,29 @@ class Loop:
         If effects or steps do not allow the shortest rope of the plan.
     """
 
+    TIMEOUT = BLOCK_TIMEOUT  # [s] of a block of samples with a controller from outside, by default
+
     def __init__(
         self,
-        scenario: Scenario,
-        plant: Plant,
-        controller: CompiledController,
         plan: Plan,
+        plant: Plant,
+        controller: PreparedController,
         *,
-        design: ControllerDesign,
-        nominal: Scenario | None = None,
         compiled: bool = True,
         endless: bool = False,
         records: tuple[Array, Array] | None = None,
     ) -> None:
         plant.check_length(plan.shortest_rope)
-        start, nominal = plan.initial_state, nominal or scenario
-        plant.reset(start)
-        self.scenario, self.plant, self.plan, self.design = scenario, plant, plan, design
+        plant.reset(plan.initial_state)
+        self.scenario, self.plant, self.plan, self.controller = plan.scenario, plant, plan, controller
         self.block = compiled_loop(plant) if compiled else python_loop(plant)
-        self.inputs = _loop_inputs(scenario, controller.with_own_memory(), plan, plant.drive, nominal=nominal)
-        self.path = make_signal_path(
-            scenario,
-            start,
-            drive=plant.drive,
-            samples=len(plan.time_ns),
-            nominal=nominal,
-            record=np.zeros((0, COLUMN.path_width)) if records is None else records[1],
-        )
-        self.memory = controller.start.copy()
+        self.inputs = self._loop_inputs()
+        self.path = self._signal_path(None if records is None else records[1])
+        self.memory = controller.compiled.start.copy()
         self.samples, self.status, self.origin_ns = 0, RunStatus.RUNNING, 0
         self._compiled, self._endless, self._records = compiled, endless, records
         self._row = 0  # of the records, where the next sample is recorded
         self._end = 0  # the last sample, or the one at which the run stopped
-
-    @classmethod
-    def repeating(
-        cls,
-        controller: Controller,
-        rows: Array,
-        scenario: Scenario,
-        plant: Plant,
-        plan: Plan,
-        *,
-        endless: bool = False,
-        records: tuple[Array, Array] | None = None,
-    ) -> Self:
-        """Make a loop whose `controller`, one of `repeated`, repeats its row of commands at each sample.
-
-        `rows` has shape (N, 3) or (N, 9). Its copy is `inputs.controller.reference`.
-        """
-        padded = np.zeros((len(rows), len(SignalGroup.REFERENCE)))
-        padded[:, : rows.shape[1]] = rows
-        period, start = scenario.period_ns / NANOSECONDS, plan.initial_state
-        nominal = Nominal(scenario.limited_rig, plant.drive, period, padded, start, {})
-        design = ControllerDesign(controller.name)
-        compiled = compile_controller(controller, nominal, sum(map(len, design.groups)))
-        return cls(scenario, plant, compiled, plan, design=design, endless=endless, records=records)
 
     @property
     def is_finished(self) -> bool:
@@ -160,13 +114,25 @@ class Loop:
         if not self.inputs.controller.address:
             self.inputs = self.inputs._replace(controller=self.inputs.controller.bound())
 
-    def use(self, controller: CompiledController, design: ControllerDesign, *, carried: int = 0) -> None:
-        """Continue with another controller, which takes over the first `carried` numbers of the memory."""
-        own, memory = controller.with_own_memory().bound(), controller.start.copy()
+    def use(self, controller: PreparedController) -> None:
+        """Continue with another controller.
+
+        The set-points carry over. Between two controllers of the flat family, the dynamic extension carries
+        over too. So do the states of the robustifier, if both use the same one. Any other controller begins
+        at the present reference.
+        """
+        own, memory, carried = (
+            controller.compiled.with_own_memory().bound(),
+            controller.compiled.start.copy(),
+            0,
+        )
+        before, after = self.controller.design.axis_design, controller.design.axis_design
+        if before is not None and after is not None:
+            carried = len(memory) if after.robustifier is before.robustifier else MEMORY.robustifier
         own.clock[0] = self.samples
         memory[:carried] = self.memory[:carried]
         self.inputs = self.inputs._replace(controller=own)
-        self.memory, self.design = memory, design
+        self.memory, self.controller = memory, controller
 
     def follow(self, reference: Array) -> None:
         """Let the controller read `reference` (n, 15) in place of the one that it was prepared for."""
@@ -216,7 +182,7 @@ class Loop:
         rows = rows or self._rows(self._possible(samples))
         return self._as_run(self.advance(samples, rows), rows[2])
 
-    def run(self, *, timeout: float = BLOCK_TIMEOUT, progress: Progress | None = None) -> Run:
+    def run(self, *, timeout: float = TIMEOUT, progress: Progress | None = None) -> Run:
         """Run to the end of the plan, and return the samples from here on.
 
         A controller from outside runs in a child process, where `timeout` [s] is the longest time of a block
@@ -224,10 +190,11 @@ class Loop:
         its last call. After Ctrl-C the run is interrupted, and has the samples up to there.
         """
         first, total = self.samples, len(self.plan.time_ns)
-        is_outside = self.design.origin and self._compiled and CAN_FORK
-        outside = ALL_CONTROLLERS.of_design(self.design) if is_outside else None
+        design = self.controller.design
+        is_outside = design.origin and self._compiled and CAN_FORK
+        outside = ALL_CONTROLLERS.of_design(design) if is_outside else None
         zeros = np.zeros if outside is None else shared_zeros
-        record = zeros((total - first, record_width(self.design)))
+        record = zeros((total - first, design.record_width))
         path_record = record if self.path is None else zeros((total - first, COLUMN.path_width))
         self._records, self._row = (record, path_record), 0
         if self.path is not None:
@@ -285,7 +252,7 @@ class Loop:
     def _free_rows(self, samples: int) -> tuple[Array, SignalPath | None]:
         """Return the rows of the record for the next samples, and the signal path with its rows."""
         if self._records is None:
-            record = np.zeros((samples, record_width(self.design)))
+            record = np.zeros((samples, self.controller.design.record_width))
             path_record = np.zeros((0 if self.path is None else samples, COLUMN.path_width))
         else:
             record, path_record = self._records
@@ -303,33 +270,45 @@ class Loop:
         path = None if self.path is None else path_record
         return Run(
             scenario=self.scenario,
-            design=self.design,
+            design=self.controller.design,
             plant=self.plant.name,
             drive=self.plant.drive,
             model=self.plant.description,
             time_ns=time_ns,
-            table=whole_record(self.scenario, record, path, wind[: len(record)]),
+            table=Run.whole_record(self.scenario, record, path, wind[: len(record)]),
             reference=reference,
             status=self.status,
             end_ns=self.end_ns,
         )
 
+    def _loop_inputs(self) -> LoopInputs:
+        """Return what the loop reads besides the plant, with the rows of the whole plan."""
+        scenario, plan, nominal, drive = self.scenario, self.plan, self.controller.nominal, self.plant.drive
+        return LoopInputs(
+            controller=self.controller.compiled.with_own_memory(),
+            actuation=Actuation.of(nominal, drive),
+            integral=initial_integral(plan.initial_state),
+            unloaded=UnloadedDrives.of(nominal, drive, plan.initial_state),
+            reference=plan.reference,
+            disturbance=plan.disturbance,
+            wind=plan.wind,
+            workspace=scenario.reach,
+            stop_outside=scenario.workspace.on_exit == "stop",
+            command_column=COLUMN.input + (DRIVES[drive].column or 0),
+            recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
+            slack=np.zeros(1),
+        )
 
-def _loop_inputs(
-    scenario: Scenario, controller: CompiledController, plan: Plan, drive: Drive, *, nominal: Scenario
-) -> LoopInputs:
-    """Return what a loop reads besides the plant, with the rows of the whole plan."""
-    return LoopInputs(
-        controller=controller,
-        actuation=make_actuation(nominal, drive),
-        integral=initial_integral(plan.initial_state),
-        unloaded=make_unloaded_drives(nominal, drive, plan.initial_state),
-        reference=plan.reference,
-        disturbance=plan.disturbance,
-        wind=plan.wind,
-        workspace=scenario.reach,
-        stop_outside=scenario.workspace.on_exit == "stop",
-        command_column=COLUMN.input + (DRIVES[drive].column or 0),
-        recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
-        slack=np.zeros(1),
-    )
+    def _signal_path(self, record: Array | None) -> SignalPath | None:
+        """Return the signal path, which writes to `record`, or None if the run needs none."""
+        scenario, plan, drive = self.scenario, self.plan, self.plant.drive
+        if not DRIVES[drive].has_signal_path(scenario.effects):
+            return None
+        path = SignalPath.of(
+            scenario,
+            plan.initial_state,
+            drive=drive,
+            nominal=self.controller.nominal,
+            samples=len(plan.time_ns),
+        )
+        return path if record is None else path._replace(record=record)

@@ -14,14 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cranectl.controllers import JOINTS, ROPE_TAUT, CompiledController, addressed_step, addressed_wait
-from cranectl.plants import (
-    AddressedPlant,
-    Plant,
-    addressed_plant,
-    addressed_warnings,
-    advance_addressed,
-    measure_addressed,
-)
+from cranectl.plants import ADDRESSED, AddressedPlant, Plant
 from cranectl.signals import COLUMN
 from cranectl.simulate.actuation import (
     Actuation,
@@ -171,7 +164,7 @@ def compiled_loop(plant: Plant) -> AdvanceBlock:
     if plant.kernels is None:
         return python_loop(plant)
     handle = plant.handle
-    return CompiledLoop(addressed_plant(plant.kernels, handle), handle)
+    return CompiledLoop(AddressedPlant.of(plant.kernels, handle), handle)
 
 
 def python_loop(plant: Plant) -> AdvanceBlock:
@@ -194,13 +187,7 @@ class CompiledLoop:
 @functools.cache
 def shared_loop() -> Callable[..., tuple[int, int, int]]:
     """Return the loop that serves all plants with kernels."""
-    return Specialised(
-        advance_block,
-        "addressed",
-        measure=measure_addressed,
-        advance=advance_addressed,
-        warnings=addressed_warnings,
-    ).loop()
+    return Specialised(advance_block, "addressed", **ADDRESSED._asdict()).loop()
 
 
 def measure(plant: Plant, state: Array) -> None:

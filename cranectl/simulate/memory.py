@@ -6,12 +6,13 @@ them at once. Compiled code, libraries and drawings of a log take some 100 MB mo
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from cranectl.design import ControllerDesign
 from cranectl.plants import Drive
 from cranectl.scenario import NANOSECONDS, Scenario, nanoseconds
 from cranectl.signals import SignalGroup
-from cranectl.simulate.run import Run, groups_of
+from cranectl.simulate.run import Run
 from cranectl.support import InputError, Quantity
 
 COPIES, NUMBER = 4, 8  # arrays at once, and [bytes] of a number
@@ -21,9 +22,32 @@ MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together
 PLANNED = 7 + len(SignalGroup.REFERENCE) + len(SignalGroup.STATE) + len(SignalGroup.DISTURBANCE)
 
 
-def check_planned(scenario: Scenario, *, others: Iterable[Scenario] = ()) -> None:
-    """Raise InputError if the plans of `scenario` and `others` together take too much memory."""
-    _check([scenario, *others], PLANNED, "the reference")
+class RunMemory(NamedTuple):
+    """The memory that runs of a scenario need. Each check raises InputError for runs that need too much."""
+
+    scenario: Scenario
+
+    def check_planned(self, *, others: Iterable[Scenario] = ()) -> None:
+        """Check the plans of the scenario and `others` together."""
+        _check([self.scenario, *others], PLANNED, "the reference")
+
+    def check_runs(self, design: ControllerDesign, drive: Drive, plants: int = 1) -> None:
+        """Check runs on that many `plants` together."""
+        many = "a run" if plants == 1 else f"the runs of {plants} plants"
+        columns = PLANNED + plants * self._columns(design, drive)
+        _check([self.scenario], columns, many, fewer_plants=plants > 1)
+
+    def check_several(self, design: ControllerDesign, runs: int, what: str, *, columns: int = 0) -> None:
+        """Check `what`: that many runs with all effects, and `columns` numbers for each sample besides."""
+        whole = sum(map(len, SignalGroup.recorded(design.groups, staged="velocity", forced=True)))
+        _check([self.scenario], PLANNED + runs * whole + columns, what)
+
+    def fits(self, design: ControllerDesign, drive: Drive, *, runs: int) -> bool:
+        """Return True if that many runs fit into memory, with their plan."""
+        return _bound([self.scenario], PLANNED + runs * self._columns(design, drive)) <= MAX_BYTES
+
+    def _columns(self, design: ControllerDesign, drive: Drive) -> int:
+        return sum(map(len, Run.groups_of(self.scenario, design, drive)))
 
 
 def check_several_plans(scenarios: Iterable[Scenario]) -> None:
@@ -32,26 +56,6 @@ def check_several_plans(scenarios: Iterable[Scenario]) -> None:
     if len(different) > 1:
         what = f"the references of {len(different)} different scenarios, the first"
         _check(different, PLANNED, what, max_bytes=MAX_PLANS_BYTES)
-
-
-def check_runs(scenario: Scenario, design: ControllerDesign, drive: Drive, plants: int = 1) -> None:
-    """Raise InputError if runs on that many `plants` take too much memory together."""
-    many = "a run" if plants == 1 else f"the runs of {plants} plants"
-    _check([scenario], PLANNED + plants * _recorded(scenario, design, drive), many, fewer_plants=plants > 1)
-
-
-def check_several(
-    scenario: Scenario, design: ControllerDesign, runs: int, what: str, *, columns: int = 0
-) -> None:
-    """Raise InputError if `what` takes too much memory: that many runs with all effects, and `columns`."""
-    whole = sum(map(len, SignalGroup.recorded(design.groups, staged="velocity", forced=True)))
-    _check([scenario], PLANNED + runs * whole + columns, what)
-
-
-def fits(run: Run, *, more: int) -> bool:
-    """Return True if `more` runs like `run` fit into memory, beside it and one other."""
-    columns = PLANNED + (2 + more) * _recorded(run.scenario, run.design, run.drive)
-    return _bound([run.scenario], columns) <= MAX_BYTES
 
 
 def _bound(scenarios: Iterable[Scenario], columns: int) -> int:
@@ -92,7 +96,3 @@ def _longer_period(scenario: Scenario, times: int) -> float:
         n for n in range(times, min(periods, times + scenario.control.MAX_DIVISOR) + 1) if periods % n == 0
     )
     return next(fitting, times) * scenario.period_ns / NANOSECONDS
-
-
-def _recorded(scenario: Scenario, design: ControllerDesign, drive: Drive) -> int:
-    return sum(map(len, groups_of(scenario, design, drive)))

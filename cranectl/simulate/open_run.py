@@ -1,35 +1,21 @@
 """A crane that a program steps itself: reset, give a command, read the state."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NoReturn
 
 import numpy as np
 
-from cranectl.controllers import repeated_commands
-from cranectl.plants import DRIVES, FORCE, REFERENCE_PLANT, Plant, air_velocity
+from cranectl.plants import DRIVES, PLANTS, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import TENSION, SignalGroup, State
-from cranectl.simulate.loop import Loop
-from cranectl.simulate.plan import Plan, check_start, plan_scenario, rows_at
+from cranectl.signals import TENSION
+from cranectl.simulate.open_start import checked_numbers
+from cranectl.simulate.plan import rows_at
 from cranectl.simulate.run import Run
-from cranectl.simulate.runner import checked_drive, make_plant
+from cranectl.simulate.stepped import ROWS, RUNNING, SteppedCranes, check_samples
 from cranectl.status import RunStatus
-from cranectl.support import Arguments, Array, InputError, TakesTurns
-
-DRAWN_MARGIN = 0.1  # share of each range of the workspace, at both ends, where no drawn start lies
-MAX_STEPPED = 10**7  # samples in one step
+from cranectl.support import Arguments, Array, InputError
 
 
-class SteppedMemory(TakesTurns):
-    """A run whose compiled code refers to its memory: threads take turns, and a copy would change it."""
-
-    def __reduce__(self) -> NoReturn:
-        """Raise TypeError when the run is to be copied or pickled."""
-        raise TypeError("an open run cannot be copied or pickled; open another one, and reset it to `state`")
-
-
-class OpenRun(SteppedMemory):
+class OpenRun(SteppedCranes):
     """A run that a program advances with commands of its own; `open_run` makes it.
 
     A command is held until the next one. Effects on the way to the drives act on it: limits, dead zone, gain
@@ -38,7 +24,8 @@ class OpenRun(SteppedMemory):
     """
 
     def __init__(self, scenario: Scenario, plant: Plant) -> None:
-        self._scenario, self._plan, self._plant = scenario, plan_scenario(scenario), plant
+        super().__init__([scenario], [plant])
+        self._parts: list[tuple[Array, Array]] = []  # rows of the record, and of the reference
         self.reset()
 
     def reset(
@@ -70,9 +57,8 @@ class OpenRun(SteppedMemory):
         InputError
             If state or target is outside the workspace, or the state is no state of a crane.
         """
-        self._loop = begin(self._plant, self._scenario, self._plan, state, seed, target=target)
-        self._parts = list[Run]()
-        self._load = np.full(TENSION + 1, np.nan)
+        self._begin([(0, state, seed, target)])
+        self._parts = []
         return self.state
 
     def step(self, command: Sequence[float] | Array, samples: int = 1) -> Array:
@@ -99,27 +85,30 @@ class OpenRun(SteppedMemory):
             If the command is not three finite numbers, or `samples` is below one.
         """
         check_samples(samples)
-        self._loop.inputs.controller.reference[0, :3] = checked_numbers("command", command, 3)
-        part = self._loop.part(samples)
-        if len(part.table):
-            self._parts.append(part)
-            self._load = part.block("load")[-1]
+        commands, before = checked_numbers("command", command, 3)[np.newaxis], self._clock[0, 0]
+        for first in range(0, samples, ROWS):
+            self._advance(commands, min(ROWS, samples - first))
+            if rows := self._clock[0, 0] - before:
+                self._parts.append(self._last_rows(0, rows))
+            before += rows
+            if self._status[0] != RUNNING:
+                break
         return self.state
 
     @property
     def state(self) -> Array:
         """The present state, shape (10,), in the order of `signals.STATE`."""
-        state = np.empty(len(SignalGroup.STATE))
-        self._plant.measure(state)
+        state: Array = self._states[0].copy()
         return state
 
     @property
     def measured(self) -> Array:
-        """Measurements of a controller at the last sample, shape (12,), in the order of `MEASUREMENT`.
+        """Measurements of a controller at the last sample (12,), in the order of `SignalGroup.MEASUREMENT`.
 
         They differ from the state only if the scenario has encoders. NaN before the first step.
         """
-        return self._loop.inputs.controller.measured.copy()
+        measured: Array = self._cranes[0].inputs.controller.measured.copy()
+        return measured
 
     @property
     def load(self) -> Array:
@@ -127,28 +116,27 @@ class OpenRun(SteppedMemory):
 
         NaN before the first step.
         """
-        return self._load[:TENSION].copy()
+        return self._loads[0, :TENSION].copy()
 
     @property
     def tension(self) -> float:
         """Tension of the rope at the last sample [N], under the command of that sample; NaN before it."""
-        return float(self._load[TENSION])
+        return float(self._loads[0, TENSION])
 
     @property
     def status(self) -> RunStatus:
         """RUNNING, or why the run has stopped."""
-        return self._loop.status
+        return RunStatus(int(self._status[0]))
 
     @property
     def time(self) -> float:
         """Time since the last reset [s]."""
-        return self._loop.samples * self._scenario.period_ns / NANOSECONDS
+        return int(self._clock[0, 0]) * self._plans[0].scenario.period_ns / NANOSECONDS
 
     @property
     def reference(self) -> Array:
-        """Desired position of the load and four derivatives, shape (15,), in the order of `REFERENCE`."""
-        row: Array = rows_at(self._loop.plan.reference, np.array([self._loop.samples]))[0]
-        return row
+        """Desired load position and four derivatives (15,), in the order of `SignalGroup.REFERENCE`."""
+        return rows_at(self._loops[0].plan.reference, self._clock[0, 0])
 
     def recorded(self) -> Run:
         """Return all samples since the last reset as a run, to the end of the scenario at most.
@@ -163,24 +151,29 @@ class OpenRun(SteppedMemory):
         """
         if not self._parts:
             raise InputError("no sample since the last reset", allowed="one or more", remedy="take a step")
-        samples = self._scenario.steps + 1
-        table = np.concatenate([part.table for part in self._parts])[:samples]
-        status, end_ns = self.status, self._loop.end_ns
-        if not status.stopped or self._loop.samples > samples:
+        loop, (tables, references) = self._loops[0], zip(*self._parts, strict=True)
+        samples, period_ns = loop.scenario.steps + 1, loop.scenario.period_ns
+        table = np.concatenate(tables)[:samples]
+        status, end = self.status, int(self._clock[0, 1])
+        if not status.stopped or self._clock[0, 0] > samples:
             status = RunStatus.COMPLETED if len(table) == samples else RunStatus.INTERRUPTED
-            end_ns = (len(table) - 1) * self._scenario.period_ns
-        return replace(
-            self._parts[-1],
-            time_ns=np.arange(len(table), dtype=np.int64) * self._scenario.period_ns,
+            end = len(table) - 1
+        return Run(
+            scenario=loop.scenario,
+            design=loop.controller.design,
+            plant=loop.plant.name,
+            drive=loop.plant.drive,
+            model=loop.plant.description,
+            time_ns=np.arange(len(table), dtype=np.int64) * period_ns,
             table=table,
-            reference=np.concatenate([part.reference for part in self._parts])[:samples],
+            reference=np.concatenate(references)[:samples],
             status=status,
-            end_ns=end_ns,
+            end_ns=end * period_ns,
         )
 
 
 @Arguments.checked
-def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "ideal") -> OpenRun:
+def open_run(scenario: Scenario, *, plant: str = PLANTS.REFERENCE, drive: str = "ideal") -> OpenRun:
     """Open a run without a controller, to be stepped by a program.
 
     Parameters
@@ -208,97 +201,4 @@ def open_run(scenario: Scenario, *, plant: str = REFERENCE_PLANT, drive: str = "
     >>> print(f"{crane.time:g} s, bridge {state[0]:.3f} m, {crane.status.label}")
     0.5 s, bridge 1.048 m, running
     """
-    return OpenRun(scenario, plant_to_step(plant, scenario, drive))
-
-
-def plant_to_step(name: str, scenario: Scenario, drive: str) -> Plant:
-    """Make a plant that a program steps; its reset raises InputError for a rope too short for its effects."""
-    return make_plant(name, scenario, checked_drive(drive))
-
-
-def begin(
-    plant: Plant,
-    scenario: Scenario,
-    plan: Plan,
-    state: Sequence[float] | Array | None = None,
-    seed: int | None = None,
-    *,
-    target: Sequence[float] | Array | None = None,
-    records: tuple[Array, Array] | None = None,
-) -> Loop:
-    """Put a plant at the start of a run that repeats its command: row 0 of `inputs.controller.reference`.
-
-    `plan` is that of the scenario, and `records` are as in `Loop`. `state`, `seed` and `target` are as in
-    `OpenRun.reset`.
-    """
-    if target is not None:
-        point = checked_numbers("target", target, 3)
-        plan = replace(plan, reference=rest_at(scenario, point))
-        rest = scenario.reference.model_copy(update={"start": tuple(point.tolist()), "segments": ()})
-        scenario = scenario.model_copy(update={"reference": rest})
-    if seed is not None:
-        InputError.check_whole(
-            "seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn"
-        )
-        draw = np.random.default_rng(seed)
-        scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
-        if state is None:
-            state = np.zeros(len(SignalGroup.STATE))
-            low, high = scenario.reach.T
-            margin = DRAWN_MARGIN * (high - low)
-            State(state).axes[:] = draw.uniform(low + margin, high - margin)
-        if scenario.effects.wind:
-            air = air_velocity(scenario.effects, len(plan.wind), scenario.period_ns / NANOSECONDS)
-            plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
-    if state is not None:
-        start = checked_numbers("state", state, len(SignalGroup.STATE))
-        check_start(scenario, start, remedy="give a state inside it")
-        plan = replace(plan, initial_state=start)
-    controller = repeated_commands(DRIVES[plant.drive].command, "commands")
-    loop = Loop.repeating(controller, np.zeros((1, 3)), scenario, plant, plan, endless=True, records=records)
-    loop.inputs.controller.measured[: len(SignalGroup.STATE)] = np.nan
-    return loop
-
-
-def rest_at(scenario: Scenario, target: Array) -> Array:
-    """Return the reference (1, 15) that rests at `target` (3,); raise InputError if the load cannot."""
-    reference = np.zeros((1, len(SignalGroup.REFERENCE)))
-    reference[0, :3] = target
-    hanging = np.zeros(len(SignalGroup.STATE))
-    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)
-    remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
-    check_start(scenario, hanging, remedy=remedy, what="the target is")
-    return reference
-
-
-def _with_seeds(scenario: Scenario, sensing: int, wind: int) -> Scenario:
-    """Return the scenario with these seeds of noise and gusts, where it has them."""
-    seeds = {"sensing": sensing, "wind": wind}
-    effects = {
-        name: part.model_copy(update={"seed": seed})
-        for name, seed in seeds.items()
-        if (part := getattr(scenario.effects, name)) is not None
-    }
-    return scenario.model_copy(update={"effects": scenario.effects.model_copy(update=effects)})
-
-
-def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> Array:
-    """Return finite numbers of this shape; raise InputError for anything else."""
-    try:
-        numbers = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        numbers = np.zeros(0)
-    bad = np.argwhere(~np.isfinite(numbers))
-    if numbers.shape != shape or len(bad):
-        where = f", with {numbers[tuple(bad[0])]} at {bad[0].tolist()}" if len(bad) else ""
-        raise InputError(
-            f"{what} = {InputError.shown(values)}, of shape {numbers.shape}{where}",
-            allowed=f"finite numbers in the shape {shape}",
-            remedy=f"give {' times '.join(map(str, shape))} numbers",
-        )
-    return numbers
-
-
-def check_samples(samples: int) -> None:
-    """Raise InputError unless `samples` is a whole number from 1."""
-    InputError.check_whole("samples", samples, 1, MAX_STEPPED, "how many control samples a step lasts")
+    return OpenRun(scenario, PLANTS.make(plant, scenario, DRIVES.checked(drive)))

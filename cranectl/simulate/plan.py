@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.model import states_and_inputs
-from cranectl.plants import air_velocity
 from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
-from cranectl.simulate.memory import check_planned
+from cranectl.simulate.memory import RunMemory
 from cranectl.support import Array, InputError
 
 AXES = ("bridge", "trolley", "rope")
@@ -26,67 +25,77 @@ class PlannedReference:
     reference_state: Array  # (N, 10) state of the crane on the reference
     gravity: float  # for which the states are computed [m/s²]
 
+    @classmethod
+    def of(cls, scenario: Scenario) -> "PlannedReference":
+        """Sample the reference of a scenario.
+
+        Raises InputError if the reference is not smooth enough, needs a slack rope, leaves the workspace, is
+        faster than the drives, or takes too much memory.
+        """
+        RunMemory(scenario).check_planned()
+        time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
+        reference = Trajectory.of(scenario.reference).sample(time_ns / NANOSECONDS)
+        _check_taut(scenario, time_ns, reference)
+        states, _ = states_and_inputs(reference, scenario.rig.gravity)
+        _check_workspace(scenario, time_ns, states)
+        _check_speed(scenario, time_ns, states)
+        return PlannedReference(time_ns, reference, states, scenario.rig.gravity)
+
+    def plan(self, scenario: Scenario) -> "Plan":
+        """Plan the run of `scenario` on this reference, which may have been planned for another crane.
+
+        Raises InputError if the run would start outside the workspace.
+        """
+        disturbances = scenario.disturbances_at(self.time_ns)
+        air = scenario.effects.air_velocity(len(self.time_ns), scenario.period_ns / NANOSECONDS)
+        return Plan(
+            self.time_ns,
+            self.reference,
+            self.reference_state,
+            self.gravity,
+            scenario=scenario,
+            initial_state=_initial_state(scenario, self),
+            disturbance=np.ascontiguousarray(disturbances[:, :2]),
+            wind=np.hstack([air, disturbances[:, 2:]]),
+        )
+
 
 @dataclass(frozen=True)
 class Plan(PlannedReference):
-    """A planned reference with the initial state and the disturbances of a run."""
+    """A planned reference with the scenario of a run, its initial state and its disturbances."""
 
+    scenario: Scenario
     initial_state: Array  # (10,) on the reference, unless the scenario has offsets
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 6) velocity of the air [m/s], other force on the load [N]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "Plan":
+        """Plan a scenario; raise InputError as `PlannedReference.of` and `PlannedReference.plan` do."""
+        return PlannedReference.of(scenario).plan(scenario)
 
     @property
     def shortest_rope(self) -> float:
         """The shortest rope length of the reference and the start [m]."""
         return float(min(self.reference_state[:, ROPE].min(), self.initial_state[ROPE]))
 
+    def rows_at(self, index: NDArray[np.integer[Any]]) -> tuple[Array, Array, Array]:
+        """Return copies of reference, disturbance and wind at samples `index` (n,).
 
-def rows_at(rows: Array, index: NDArray[np.integer[Any]]) -> Array:
-    """Return the rows at samples `index` (n,), as a copy; after the end the last row is repeated."""
+        After the end the last row of each is repeated.
+        """
+        return rows_at(self.reference, index), rows_at(self.disturbance, index), rows_at(self.wind, index)
+
+
+def rows_at(rows: Array, index: NDArray[np.integer[Any]] | np.integer[Any]) -> Array:
+    """Return the rows at samples `index` (n,), or one, as a copy; after the end the last row is repeated."""
     chosen: Array = rows[np.minimum(index, len(rows) - 1)]
-    return chosen
+    return chosen.copy() if np.ndim(index) == 0 else chosen
 
 
 def rows_between(rows: Array, first: int, last: int) -> Array:
     """Return the rows `first` to `last` - 1; after the end the last row is repeated."""
     return rows[first:last] if last <= len(rows) else rows_at(rows, np.arange(first, last))
-
-
-def plan_scenario(scenario: Scenario) -> Plan:
-    """Return the plan of a scenario; raise InputError as `plan_reference` and `plan_run` do."""
-    return plan_run(plan_reference(scenario), scenario)
-
-
-def plan_reference(scenario: Scenario) -> PlannedReference:
-    """Sample the reference.
-
-    Raises InputError if the reference is not smooth enough, needs a slack rope, leaves the workspace, is
-    faster than the drives, or takes too much memory.
-    """
-    check_planned(scenario)
-    time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
-    reference = Trajectory.of(scenario.reference).sample(time_ns / NANOSECONDS)
-    _check_taut(scenario, time_ns, reference)
-    states, _ = states_and_inputs(reference, scenario.rig.gravity)
-    _check_workspace(scenario, time_ns, states)
-    _check_speed(scenario, time_ns, states)
-    return PlannedReference(time_ns, reference, states, scenario.rig.gravity)
-
-
-def plan_run(planned: PlannedReference, scenario: Scenario) -> Plan:
-    """Plan the run of `scenario` on a reference that may have been planned for another crane.
-
-    Raises InputError if the run would start outside the workspace.
-    """
-    time_ns = planned.time_ns
-    disturbances = disturbances_at(scenario, time_ns)
-    air = air_velocity(scenario.effects, len(time_ns), scenario.period_ns / NANOSECONDS)
-    return Plan(
-        **vars(planned),
-        initial_state=_initial_state(scenario, planned),
-        disturbance=np.ascontiguousarray(disturbances[:, :2]),
-        wind=np.hstack([air, disturbances[:, 2:]]),
-    )
 
 
 def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
@@ -114,14 +123,6 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
             allowed="positions within the rig's ranges, with angles within pi/2",
             remedy=remedy,
         )
-
-
-def disturbances_at(scenario: Scenario, time_ns: NDArray[np.int64]) -> Array:
-    """Return accelerations of alpha, beta [rad/s²] and force on the load (x, y, z) [N], shape (N, 5)."""
-    columns = np.zeros((len(time_ns), 5))
-    for step in scenario.disturbances:
-        columns[step.acts(time_ns)] += (*step.acceleration, *(step.force or (0.0, 0.0, 0.0)))
-    return columns
 
 
 def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array) -> None:

@@ -6,23 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.design import ControllerDesign
-from cranectl.plants import DRIVES, Drive, PhysicsStep
+from cranectl.plants import DRIVES, FORCE, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION, SignalGroup, State
-from cranectl.simulate.signal_path import has_signal_path
 from cranectl.status import RunStatus
 from cranectl.support import Array
-
-
-def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
-    """Return the groups of signals that a run records, in column order."""
-    staged = DRIVES[drive].command if has_signal_path(scenario.effects, drive) else ""
-    return SignalGroup.recorded(design.groups, staged=staged, forced=scenario.forced)
-
-
-def record_width(design: ControllerDesign) -> int:
-    """Return the number of columns of a run's record without those of its signal path."""
-    return sum(map(len, SignalGroup.recorded(design.groups)))
 
 
 @dataclass(frozen=True)
@@ -158,7 +146,22 @@ class Run:
         """The recorded groups, in column order."""
         if self.own_groups is not None:
             return self.own_groups
-        return groups_of(self.scenario, self.design, self.drive)
+        return self.groups_of(self.scenario, self.design, self.drive)
+
+    @staticmethod
+    def whole_record(scenario: Scenario, record: Array, path_record: Array | None, wind: Array) -> Array:
+        """Return a record joined with the columns of its signal path and of forces on the load."""
+        parts = [record] if path_record is None else [record, path_record]
+        if scenario.forced:
+            parts.append(wind[:, FORCE:])
+        return np.hstack(parts) if len(parts) > 1 else record
+
+    @staticmethod
+    def groups_of(scenario: Scenario, design: ControllerDesign, drive: Drive) -> tuple[SignalGroup, ...]:
+        """Return the groups that a run with a reference records, in column order."""
+        kind = DRIVES[drive]
+        staged = kind.command if kind.has_signal_path(scenario.effects) else ""
+        return SignalGroup.recorded(design.groups, staged=staged, forced=scenario.forced)
 
     def has(self, *groups: str) -> bool:
         """Return True if the run has all these groups of signals, e.g. `run.has("state", "load")`."""

@@ -13,17 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.controllers import (
-    EXPECTED,
-    JOINTS,
-    Observer,
-    initial_estimate,
-    make_observer,
-    observe,
-    predict,
-)
-from cranectl.plants import DRIVES, FORCE, Drive
-from cranectl.scenario import NANOSECONDS, DriveLimits, EffectNumbers, EffectSettings, Scenario, Sensing
+from cranectl.controllers import EXPECTED, JOINTS, Observer, initial_estimate, make_observer, observe, predict
+from cranectl.plants import DRIVES, Drive
+from cranectl.scenario import NANOSECONDS, DriveLimits, EffectNumbers, Scenario, Sensing
 from cranectl.signals import COLUMN
 from cranectl.simulate.actuation import commands_at_start, drive_acceleration
 from cranectl.support import Array, jit
@@ -35,13 +27,23 @@ class Encoders(NamedTuple):
     resolution: Array  # (5,) [m, m, m, rad, rad]; 0 for no rounding
     noise: Array  # (N, 5); it repeats after N samples
 
+    @classmethod
+    def of(cls, sensing: Sensing, samples: int) -> "Encoders":
+        """Return the encoders of a run of `samples`, with white noise from the seed of the settings."""
+        deviation = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
+        resolution = np.array(
+            [*sensing.position_resolution, sensing.angle_resolution, sensing.angle_resolution]
+        )
+        white = np.random.default_rng(sensing.seed).standard_normal((samples, 5))
+        return cls(resolution, deviation * white)
 
-def make_encoders(sensing: Sensing, samples: int) -> Encoders:
-    """Return the encoders of a run of `samples`, with white noise from the seed of the settings."""
-    deviation = np.array([*sensing.position_noise, sensing.angle_noise, sensing.angle_noise])
-    resolution = np.array([*sensing.position_resolution, sensing.angle_resolution, sensing.angle_resolution])
-    white = np.random.default_rng(sensing.seed).standard_normal((samples, 5))
-    return Encoders(resolution, deviation * white)
+    def read(self, positions: Array) -> Array:
+        """Return the readings (N, 5) at `positions` (N, 5) of successive samples from the first on."""
+        readings = np.empty_like(positions)
+        for sample, row in enumerate(positions):
+            for joint in range(JOINTS):
+                readings[sample, joint] = read_encoder(self, sample, joint, row[joint])
+        return readings
 
 
 @jit
@@ -58,12 +60,12 @@ class SetpointLimits(NamedTuple):
     velocity: Array  # (3,) largest set-point [m/s]
     change: Array  # (3,) largest change in a control period [m/s]
 
-
-def make_limits(limits: DriveLimits | None, period: float) -> SetpointLimits:
-    """Return the limits of drives with the control `period` [s]; infinite limits for None."""
-    if limits is None:
-        return SetpointLimits(np.full(3, np.inf), np.full(3, np.inf))
-    return SetpointLimits(np.array(limits.velocity), period * np.array(limits.acceleration))
+    @classmethod
+    def of(cls, limits: DriveLimits | None, period: float) -> "SetpointLimits":
+        """Return the limits of drives with the control `period` [s]; infinite limits for None."""
+        if limits is None:
+            return cls(np.full(3, np.inf), np.full(3, np.inf))
+        return cls(np.array(limits.velocity), period * np.array(limits.acceleration))
 
 
 CUT_OFF = 1e-9  # share of the largest set-point; a smaller change of one does not count as limited
@@ -116,73 +118,42 @@ class SignalPath(NamedTuple):
     clock: NDArray[np.int64]  # (1,) samples since the start
     record: Array  # (N, COLUMN.path_width)
 
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        start: Array,
+        *,
+        drive: Drive,
+        nominal: Scenario | None = None,
+        samples: int = 1,
+    ) -> "SignalPath":
+        """Return the signal path of a run that starts at `start` (10,), also one in which nothing changes.
 
-def has_signal_path(effects: EffectSettings, drive: Drive) -> bool:
-    """Return True if a run needs a signal path: for its effects, or to record the forces of its drives."""
-    return effects.staged or DRIVES[drive].column is None
-
-
-def make_signal_path(
-    scenario: Scenario,
-    start: Array,
-    *,
-    drive: Drive,
-    samples: int,
-    nominal: Scenario | None = None,
-    record: Array | None = None,
-) -> SignalPath | None:
-    """Return the signal path of a run that starts at `start` (10,), or None if it has none.
-
-    The observer is designed for `nominal`, by default the scenario itself. The path writes to `record`, by
-    default a new array with a row for each of `samples`.
-    """
-    if not has_signal_path(scenario.effects, drive):
-        return None
-    return new_signal_path(
-        scenario, start, drive=drive, samples=samples, nominal=nominal or scenario, record=record
-    )
-
-
-def new_signal_path(
-    scenario: Scenario,
-    start: Array,
-    *,
-    drive: Drive,
-    samples: int,
-    nominal: Scenario,
-    record: Array | None = None,
-) -> SignalPath:
-    """Return a signal path, also one in which nothing changes; arguments are those of `make_signal_path`."""
-    effects = scenario.effects
-    period = scenario.period_ns / NANOSECONDS
-    usual = EffectNumbers()
-    sensing, setting = effects.sensing or usual.sensing, effects.installation or usual.installation
-    bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
-    kind, first = DRIVES[drive], commands_at_start(nominal, start, drive)
-    return SignalPath(
-        sensed=effects.sensing is not None,
-        readings=np.zeros(JOINTS),
-        encoders=make_encoders(sensing, samples if effects.sensing else 1),
-        observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
-        estimate=initial_estimate(start),
-        assumed=np.zeros(3),
-        calibration=CalibrationError(
-            setting.rope_offset, np.array(setting.drive_gain), np.array(setting.dead_zone)
-        ),
-        limits=make_limits(effects.limits if "velocity" in kind.limits else None, period),
-        previous=first.copy(),
-        line=np.tile(first, (scenario.delay_samples, 1)),
-        clock=np.zeros(1, dtype=np.int64),
-        record=np.zeros((samples, COLUMN.path_width)) if record is None else record,
-    )
-
-
-def whole_record(scenario: Scenario, record: Array, path_record: Array | None, wind: Array) -> Array:
-    """Return the record of a run joined with the columns of its signal path and of forces on the load."""
-    parts = [record] if path_record is None else [record, path_record]
-    if scenario.forced:
-        parts.append(wind[:, FORCE:])
-    return np.hstack(parts) if len(parts) > 1 else record
+        The observer is designed for `nominal`, by default the scenario itself. The noise of the encoders
+        repeats after `samples`. The record has no rows yet.
+        """
+        nominal, effects, usual = nominal or scenario, scenario.effects, EffectNumbers()
+        period = scenario.period_ns / NANOSECONDS
+        sensing, setting = effects.sensing or usual.sensing, effects.installation or usual.installation
+        bandwidth = (nominal.effects.sensing or sensing).observer_bandwidth
+        kind, first = DRIVES[drive], commands_at_start(nominal, start, drive)
+        return cls(
+            sensed=effects.sensing is not None,
+            readings=np.zeros(JOINTS),
+            encoders=Encoders.of(sensing, samples if effects.sensing else 1),
+            observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
+            estimate=initial_estimate(start),
+            assumed=np.zeros(3),
+            calibration=CalibrationError(
+                setting.rope_offset, np.array(setting.drive_gain), np.array(setting.dead_zone)
+            ),
+            limits=SetpointLimits.of(effects.limits if "velocity" in kind.limits else None, period),
+            previous=first.copy(),
+            line=np.tile(first, (scenario.delay_samples, 1)),
+            clock=np.zeros(1, dtype=np.int64),
+            record=np.zeros((0, COLUMN.path_width)),
+        )
 
 
 @jit

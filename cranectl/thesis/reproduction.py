@@ -12,7 +12,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants import Drive
 from cranectl.scenario import DesignSettings, Scenario
 from cranectl.signals import SignalGroup
-from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support import TOML, Shipped
 
 # The six controllers of the thesis, with its names; cranectl has more.
@@ -176,7 +176,7 @@ def reproduce(
     readings: dict[tuple[str, str, str], dict[str, float]] = {}  # by table, controller, source; by column
     designs: dict[str, Design] = {}
     departures = []
-    planned = [(scenario, plan_scenario(scenario)) for scenario in scenarios]
+    planned = [(scenario, Plan.of(scenario)) for scenario in scenarios]
     for (scenario, plan), controller in product(planned, CONTROLLERS):
         design = design_controller(controller, _settings(scenario, controller, norms))
         designs[controller] = design

@@ -13,7 +13,7 @@ from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.status import RunStatus
 
 PIECES = [
@@ -36,7 +36,7 @@ def continuous(scenario: Scenario, controller: str) -> Run:
 def test_same_as_an_adaptive_integrator_restarted_at_every_edge(controller: str) -> None:
     scenario = pieces()
     run = continuous(scenario, controller)
-    design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
+    design, plan = design_controller(controller, scenario.design), Plan.of(scenario)
     r, trajectory = design.robustifier, Trajectory.of(scenario.reference)
     loop = ContinuousLoop(design.gain, r.a, r.b, r.c, float(r.d), scenario.rig.gravity)
     state = np.concatenate([plan.initial_state, plan.reference[0, [8, 11]], np.zeros(3 * r.order)])

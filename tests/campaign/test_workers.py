@@ -18,7 +18,7 @@ from cranectl.campaign.workers import Children, ChildWorker, run_batches
 from cranectl.loaders.opening import open_controller
 from cranectl.metrics import RunMetrics, run_metrics
 from cranectl.scenario import NANOSECONDS
-from cranectl.simulate import Run, plan_run, simulate_run
+from cranectl.simulate import PlannedReference, Run, simulate_run
 from cranectl.support.errors import MachineError
 from tests.campaign.campaigns import LAG, MASS, PUSH, SEED, campaign, choice, fixed, run_batch, uniform
 from tests.conftest import PLANTS
@@ -217,15 +217,18 @@ def test_every_metric_has_its_columns(both: Campaign) -> None:
     assert values["outside_time_s_bridge"] == 0.0
 
 
+PLAN = "cranectl.simulate.plan.PlannedReference.plan"
+
+
 def _failing(kind: type[Exception], times: int, *arguments_of_error: Any) -> Any:
-    """Return a function like `plan_run` that first fails `times` times, as if the machine failed."""
-    left = [times]
+    """Return a method like `PlannedReference.plan` that first fails `times` times, as if a machine did."""
+    left, plan = [times], PlannedReference.plan
 
     def planned(*arguments: Any) -> Any:
         left[0] -= 1
         if left[0] >= 0:
             raise kind(*arguments_of_error)
-        return plan_run(*arguments)
+        return plan(*arguments)
 
     return planned
 
@@ -245,12 +248,14 @@ def test_what_the_machine_keeps_from_running_is_run_again_and_is_no_row(
     batch, prepared = Batch("analytic", "lqr", 0, 2), PreparedCampaign(small)
     expected = Worker(prepared).run_batch(batch)
     kind, *arguments = failure
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(kind, 2, *arguments))
+    monkeypatch.setattr(PLAN, _failing(kind, 2, *arguments))
     assert Worker(prepared).run_batch(batch) == expected
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(kind, 9, *arguments))
+    monkeypatch.undo()
+    monkeypatch.setattr(PLAN, _failing(kind, 9, *arguments))
     with pytest.raises(MachineError, match=f"the machine failed: {kind.__name__}.*in sample 0 with lqr"):
         Worker(prepared).run_batch(batch)
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", _failing(OSError, 9, errno.ENOENT, "no file"))
+    monkeypatch.undo()
+    monkeypatch.setattr(PLAN, _failing(OSError, 9, errno.ENOENT, "no file"))
     row, _ = Worker(prepared).run_batch(batch)
     assert (row["status"], "no file" in str(row["reason"])) == ("failed", True), "it fails by itself"
 

@@ -20,12 +20,11 @@ from cranectl.cases import Case
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
-from cranectl.plants.plant import DRIVES
+from cranectl.plants import DRIVES
+from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.report.rig.tables import limit_table
 from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.load import load_rig, rig_names, scenario_names
-from cranectl.simulate import checked_drive
-from cranectl.simulate.runner import make_plant
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
 from tests.ranges import ALL, ends
@@ -83,7 +82,7 @@ def test_a_rig_that_is_shown_can_be_written(
     start = (*known.workspace[:2].mean(axis=1).tolist(), -float(known.workspace[2].mean()))
     scenario = load_scenario("fixed-position", rig="typed.toml", overrides=[f"reference.start={[*start]}"])
     for plant in PLANTS:
-        make_plant(plant, scenario, "velocity")
+        ALL_PLANTS.make(plant, scenario, "velocity")
 
 
 def models() -> list[tuple[str, str]]:
@@ -152,10 +151,10 @@ def follow(source: str, rig: str, given: Sequence[str], drive: str, plants: Sequ
         sets, drive, plants = state
         try:
             scenario = load_scenario(source, rig=rig, overrides=sets)
-            case = Case.of(scenario, controller=law, drive=checked_drive(drive), plants=plants)
+            case = Case.of(scenario, controller=law, drive=DRIVES.checked(drive), plants=plants)
             case.prepare()
             for plant in plants:
-                make_plant(plant, scenario, checked_drive(drive))
+                PLANTS.make(plant, scenario, DRIVES.checked(drive))
         except InputError as error:
             more, other_drive, other_plants = typed(error.remedy)
             if not (more or other_drive or other_plants):

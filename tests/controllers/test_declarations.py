@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.controller import Controller, Logged, Parameter, called_by_address
+from cranectl.controllers.controller import Controller, Logged, Parameter
 from cranectl.controllers.preparation import linearised, prepared
 from cranectl.loaders.opening import open_controller
 from cranectl.signals import Signal
@@ -20,7 +20,7 @@ def pair(_: Any) -> Any:
 
 def controller(**declared: Any) -> Controller:
     return Controller(
-        **{"name": "own", "title": "own", "step": called_by_address, "prepare": pair, **declared}
+        **{"name": "own", "title": "own", "step": Controller.called_by_address, "prepare": pair, **declared}
     )
 
 

@@ -11,8 +11,8 @@ from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario
-from cranectl.simulate import plan_reference, simulate_run
-from cranectl.simulate.runner import nominal_crane
+from cranectl.simulate import PlannedReference, simulate_run
+from cranectl.simulate.prepared import nominal_crane
 from tests.conftest import ROOT
 
 NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0], "force": [60.0, 40.0, 30.0]}
@@ -36,7 +36,9 @@ def parameters(law: str, settings: list[str]) -> np.ndarray:
     chosen_scenario = scenario(settings)
     design = ALL_CONTROLLERS.design(name, chosen_scenario)
     controller = ALL_CONTROLLERS.of_design(design)
-    nominal = nominal_crane(chosen_scenario, design, controller, "velocity", plan_reference(chosen_scenario))
+    nominal = nominal_crane(
+        chosen_scenario, design, controller, "velocity", PlannedReference.of(chosen_scenario)
+    )
     return controller.prepare(nominal)[0]
 
 

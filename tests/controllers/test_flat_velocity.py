@@ -11,7 +11,7 @@ from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.model.flatness import flat_output
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, linearised_controller, plan_scenario, simulate_run
+from cranectl.simulate import Plan, PreparedController, Run, simulate_run
 from tests.conftest import closed_loop
 
 NAME = "flat-velocity"
@@ -32,7 +32,7 @@ def hanging(*overrides: str) -> Scenario:
 def thrown(period: float) -> Run:
     """Return a run from an arbitrary state, with moving drives and a swinging load off its path."""
     scenario = hanging(f"control.period={period}", f"control.physics_step={period}")
-    plan = plan_scenario(scenario)
+    plan = Plan.of(scenario)
     off = np.array([0.05, 0.1, -0.04, -0.08, 0.03, 0.06, 0.2, -0.3, -0.15, 0.4])
     plan = replace(plan, initial_state=plan.initial_state + off)
     return simulate_run(scenario, plant="analytic", drive="velocity", controller=NAME, plan=plan)
@@ -68,7 +68,7 @@ def test_a_wrong_lag_or_a_delay_is_a_wrong_gain(believed: float, delay: float) -
     real = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]", f"effects.delay.seconds={delay}")
     lags = [f"rig.{drive}_time_constant={lag * believed}" for drive in ("bridge", "trolley", "winch")]
     assert real.rig.time_constants == pytest.approx([lag] * 3)
-    (linear,) = linearised_controller(real, ALL_CONTROLLERS.design(NAME, real), [LENGTH])
+    (linear,) = PreparedController.near_rest(real, ALL_CONTROLLERS.design(NAME, real), [LENGTH])
     run = simulate_run(real, nominal=hanging(*lags), plant="analytic", drive="velocity", controller=NAME)
     moved = run.block("state")[:, [0, 8]] - [1.0, 0.0]
 

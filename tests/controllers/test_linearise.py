@@ -11,15 +11,15 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cranectl.controllers.addressed import compile_controller
+from cranectl.controllers.addressed import CompiledController
 from cranectl.controllers.controller import CRANE_STATES, Controller, LinearController, Nominal
 from cranectl.controllers.flat_velocity import lead_times
 from cranectl.controllers.lqr_integral import LQR_INTEGRAL, STATES, gain_at
 from cranectl.controllers.registry import ALL_CONTROLLERS, controller_names
 from cranectl.planning import load_scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, Z
-from cranectl.simulate import plan_scenario
-from cranectl.simulate.runner import nominal_crane
+from cranectl.simulate import Plan
+from cranectl.simulate.prepared import nominal_crane
 from cranectl.support.arrays import Array
 
 LINEAR = [name for name in controller_names() if ALL_CONTROLLERS[name].linearise]
@@ -43,7 +43,7 @@ def nominal_of(name: str, ropes: tuple[float, float]) -> Nominal:
         ],
     )  # fmt: skip
     design, controller = ALL_CONTROLLERS.design(name, scenario), ALL_CONTROLLERS[name]
-    return nominal_crane(scenario, design, controller, "velocity", plan_scenario(scenario))
+    return nominal_crane(scenario, design, controller, "velocity", Plan.of(scenario))
 
 
 def scales(length: float) -> Array:
@@ -53,7 +53,7 @@ def scales(length: float) -> Array:
 
 def step_at(controller: Controller, nominal: Nominal, length: float) -> tuple[Step, Array, Array]:
     """Return the step at rest with this rope as a function of joints (12,) and memory, and both at rest."""
-    compiled = compile_controller(controller, nominal, len(controller.logged))
+    compiled = CompiledController.of(controller, nominal, len(controller.logged))
     pointer = ctypes.POINTER(ctypes.c_double)
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *[pointer] * 5)(compiled.address)
     reference, rest = np.zeros(15), np.zeros(12)

@@ -8,7 +8,7 @@ from cranectl.controllers.lqr_integral import LQR_INTEGRAL
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate import linearised_controller, simulate_run
+from cranectl.simulate import PreparedController, simulate_run
 from cranectl.support.errors import InputError
 from tests.conftest import closed_loop
 
@@ -26,7 +26,7 @@ def test_near_rest_it_moves_as_its_linearisation_says() -> None:
     scenario = hanging(f"initial.load_offset=[{offset}, 0.0, 0.0]")
     (linear,) = [
         linear
-        for linear in linearised_controller(scenario, ALL_CONTROLLERS.design("lqr-integral", scenario))
+        for linear in PreparedController.near_rest(scenario, ALL_CONTROLLERS.design("lqr-integral", scenario))
         if linear.rope_length == LENGTH
     ]
     run = simulate_run(scenario, plant="mujoco", controller="lqr-integral")

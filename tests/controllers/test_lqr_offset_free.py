@@ -24,7 +24,7 @@ from cranectl.controllers.lqr_offset_free import (
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.signals import BRIDGE_RATE
-from cranectl.simulate import linearised_controller
+from cranectl.simulate import PreparedController
 from cranectl.support.arrays import Array
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
@@ -70,7 +70,7 @@ def test_its_regulator_solves_the_riccati_equation(error_weight: float, rate_wei
 
 def test_its_linearisation_has_the_same_poles() -> None:
     scenario = load_scenario("fixed-position")
-    for linear in linearised_controller(scenario, ALL_CONTROLLERS.design(LAW, scenario)):
+    for linear in PreparedController.near_rest(scenario, ALL_CONTROLLERS.design(LAW, scenario)):
         nominal = nominal_at(LQR_OFFSET_FREE, linear.rope_length)
         scale = np.sqrt(GRAVITY / linear.rope_length)
         regulated = np.linalg.eigvals(A - B @ levels(nominal)[-1:, :STATES]) * scale

@@ -14,8 +14,8 @@ from cranectl.planning import load_scenario
 from cranectl.plants.plant import Drive
 from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import plan_reference
-from cranectl.simulate.runner import nominal_crane
+from cranectl.simulate import PlannedReference
+from cranectl.simulate.prepared import nominal_crane
 from cranectl.support.arrays import Array
 from tests.conftest import ROOT
 
@@ -65,7 +65,7 @@ def reads_of(controller: Controller, drive: Drive) -> set[str]:
     """Return what `prepare` reads on the crane of a scenario."""
     scenario = load_scenario("fixed-position")
     design = controller.axis_design(scenario.design) if controller.axis_design else controller.designed({})
-    known = nominal_crane(scenario, design, controller, drive, plan_reference(scenario))
+    known = nominal_crane(scenario, design, controller, drive, PlannedReference.of(scenario))
     read: set[str] = set()
     rig, path = WatchedRig(known.rig, read), WatchedPath(known.reference, read)
     prepared(controller, known._replace(rig=rig, reference=path))  # type: ignore[arg-type]

@@ -18,7 +18,7 @@ from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
-from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support.arrays import Array
 from tests.export.fmus import Instance
 
@@ -76,7 +76,7 @@ def coupled(loop: Loop, folder: Path, *, changed: float = 1.0) -> Array:
     crane = Instance(crane_file, folder / "crane")
     assert [controller.is_second, crane.is_second] == [False, False]
     period, seen = scenario.period_ns * 1e-9, []
-    for row in plan_scenario(scenario).reference:
+    for row in Plan.of(scenario).reference:
         seen.append(crane.get([*STATES, *LOADS]))
         controller.set(dict(zip(STATES, seen[-1], strict=False)))
         controller.set(dict(zip(REFERENCES, row, strict=True)))

@@ -15,7 +15,7 @@ from cranectl.export.plant import DRIVEN, plant_model
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.planning import load_scenario
 from cranectl.signals import SignalGroup
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from cranectl.support.errors import InputError
 from tests.export.exported import prepared
 from tests.export.fmus import Instance
@@ -71,7 +71,7 @@ def test_against_the_fmu_of_a_plant_it_gives_the_numbers_of_the_log(
     controller, plant_instance = Instance(path, tmp_path / "c"), Instance(crane, tmp_path / "p")
     states = [f"state.{each}" for each in SignalGroup.STATE.names]
     watched = [*states, *(f"load.{each}" for each in SignalGroup.LOAD.names[:6])]
-    plan, period, seen = plan_scenario(scenario), scenario.period_ns * 1e-9, []
+    plan, period, seen = Plan.of(scenario), scenario.period_ns * 1e-9, []
     for row in plan.reference:
         seen.append(plant_instance.get(watched))
         controller.set(dict(zip(states, seen[-1][:10], strict=True)))

@@ -16,7 +16,7 @@ from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from cranectl.support.errors import InputError
 from tests.export.fmus import Instance, symbols
 
@@ -77,7 +77,7 @@ def run_of(case: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         recorded[drive] = "command.{}_command"
     acting = {f"command.{name}": columns[recorded[drive].format(name)] for name in DRIVEN}
     acting |= {name: columns[name] for name in columns if name.startswith("disturbance.")}
-    wind = plan_scenario(scenario).wind
+    wind = Plan.of(scenario).wind
     acting |= {f"load_force.load_force_{axis}": wind[:, 3 + k] for k, axis in enumerate("xyz")}
     if scenario.effects.wind:
         acting |= {f"wind.{axis}": wind[:, k] for k, axis in enumerate("xyz")}
@@ -143,7 +143,7 @@ def compare_with_plant(case: str, path: Path) -> None:
     """Step an FMU with other parameters beside a plant that is made with them, under random inputs."""
     plant, drive, _ = CASES[case]
     scenario, random = scenario_of(case), np.random.default_rng(3)
-    numbers = PlantNumbers(scenario, plant, drive, plan_scenario(scenario).initial_state)  # type: ignore[arg-type]
+    numbers = PlantNumbers(scenario, plant, drive, Plan.of(scenario).initial_state)  # type: ignore[arg-type]
     parameters = [variable for variable in model_of(case).variables if variable.causality == "parameter"]
     assert len(parameters) > 11
     values = {v.name: v.start * random.uniform(0.8, 1.3) + random.uniform(0.0, 0.01) for v in parameters}

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import strategies as st
 
 from cranectl.planning import load_scenario
-from cranectl.simulate.plan import Plan, plan_scenario
+from cranectl.simulate.plan import Plan
 from tests.fuzz.child_process import check, run_in_child
 from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS, NewDirectory
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
@@ -80,7 +80,7 @@ def test_damaged_tables_of_other_tools_are_used_or_refused(
     (tmp_path / "teach.csv").write_bytes(data.draw(st.one_of(st.just(content), damaged(content))))
     text = SEGMENT + data.draw(st.sampled_from([own_settings, READ[other][1]]))
     text = text.replace("samples", data.draw(st.sampled_from(["samples", "waypoints"])))
-    plan: Plan | None = read(lambda path: plan_scenario(load_scenario(path)), tmp_path, text.encode())
+    plan: Plan | None = read(lambda path: Plan.of(load_scenario(path)), tmp_path, text.encode())
     assert plan is None or np.isfinite(plan.reference).all()
 
 

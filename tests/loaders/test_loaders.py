@@ -16,7 +16,7 @@ from cranectl.compare import Differences
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
-from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Plan, PreparedController, simulate_run
 from cranectl.support.children import Child
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import campaign, choice, fixed
@@ -151,14 +151,14 @@ def test_a_result_of_a_campaign_is_read_without_its_laws_and_replayed_with_them(
 
 def test_what_a_compiled_law_writes_where_it_must_not_harms_itself_only(law: Path) -> None:
     short = scenario("workspace.on_exit='record'")
-    design, plan = ALL_CONTROLLERS.design(open_controller(f"{law}:greedy"), short), plan_scenario(short)
-    compiled = prepare_controller(short, design, "ideal", plan)
+    design, plan = ALL_CONTROLLERS.design(open_controller(f"{law}:greedy"), short), Plan.of(short)
+    compiled = PreparedController.of(short, design, "ideal", plan)
     first, second = (
         simulate_run(short, design=design, plan=plan, compiled_controller=compiled, plant="analytic")
         for _ in range(2)
     )
     assert np.array_equal(first.block("state"), second.block("state"))
-    assert np.array_equal(first.reference, plan_scenario(short).reference[: len(first.reference)])
+    assert np.array_equal(first.reference, Plan.of(short).reference[: len(first.reference)])
 
 
 def test_a_law_that_ends_or_never_returns_costs_a_campaign_one_row(law: Path) -> None:

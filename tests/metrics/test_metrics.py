@@ -27,7 +27,7 @@ from cranectl.report.table import Cell
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Friction
 from cranectl.signals import COLUMN
-from cranectl.simulate import Run, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.status import RunStatus
 from tests.conftest import cut
 
@@ -63,7 +63,7 @@ def synthetic() -> Run:
     scenario = scenario_of()
     t = np.arange(SAMPLES) * 1e-3
     moving, swinging = t < 2.0, (t >= 2.0) & (t < 3.0)
-    reference = plan_scenario(scenario).reference
+    reference = Plan.of(scenario).reference
     table = np.zeros((SAMPLES, LIMITED + 3))
     table[:, BRIDGE], table[:, BRIDGE + 1] = 1.5 - 0.25 * t, -0.25
     table[:, TROLLEY] = np.where(t <= 2.0, 0.94 + 0.1 * t**2, 1.74 - 0.1 * (4.0 - t) ** 2)
@@ -321,7 +321,7 @@ def test_when_and_how_the_reference_comes_to_rest(
     setup = metrics_setup(scenario, "ideal")
     assert setup.rest_ns == rest * 1e9
     assert setup.direction == pytest.approx(direction, abs=1e-9)
-    rows = plan_scenario(scenario).reference
+    rows = Plan.of(scenario).reference
     first = round(rest * 1000)
     assert (rows[first:, :6] == rows[-1, :6]).all(), "at rest from there on"
     if first:

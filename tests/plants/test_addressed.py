@@ -6,13 +6,13 @@ from numba.core.errors import TypingError
 
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
-from cranectl.plants.addressed import addressed_plant, advance_addressed, measure_addressed
+from cranectl.plants.addressed import AddressedPlant, advance_addressed, measure_addressed
 from cranectl.plants.analytic import AnalyticPlant, advance, measure_joints, no_warnings
 from cranectl.plants.plant import Kernels
 from cranectl.scenario.rig import RigParameters
 from cranectl.signals import BRIDGE_RATE
-from cranectl.simulate import Loop, prepare_controller
-from cranectl.simulate.plan import plan_reference, plan_run
+from cranectl.simulate import Loop, PreparedController
+from cranectl.simulate.plan import Plan
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 from tests.conftest import STILL
@@ -31,7 +31,7 @@ def after_a_period(of: AnalyticPlant, *, addressed: bool) -> list[float]:
     """Joints and load, by address or by calling the kernels from Python."""
     state, load = np.zeros(10), np.zeros(7)
     if addressed:
-        called = addressed_plant(of.kernels, of.handle)
+        called = AddressedPlant.of(of.kernels, of.handle)
         advance_addressed(called, COMMAND, np.zeros(2), STILL, load)
         measure_addressed(called, state)
     else:
@@ -46,14 +46,14 @@ def test_a_call_by_address_does_what_the_kernels_do() -> None:
 
 def test_plants_of_one_kind_share_their_code_and_not_their_numbers() -> None:
     light, heavy = plant(), plant(load_mass=50.0)
-    addresses = {addressed_plant(each.kernels, each.handle).address for each in (light, heavy)}
+    addresses = {AddressedPlant.of(each.kernels, each.handle).address for each in (light, heavy)}
     assert len(addresses) == 1
     assert after_a_period(light, addressed=True) != after_a_period(heavy, addressed=True)
 
 
 def test_an_array_with_gaps_is_refused() -> None:
     of = plant()
-    called = addressed_plant(of.kernels, of.handle)
+    called = AddressedPlant.of(of.kernels, of.handle)
     with pytest.raises(TypingError):
         advance_addressed(called, COMMAND, np.zeros(4)[::2], STILL, np.zeros(7))
 
@@ -74,9 +74,12 @@ class Fragile(AnalyticPlant):
 def test_an_exception_in_a_kernel_ends_the_run_and_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=["initial.load_offset=[0.02,0.0,0.0]"])
     crane = Fragile(scenario.rig, drive="ideal", step=1e-3, substeps=1)
-    design, plan = design_controller("lqr", scenario.design), plan_run(plan_reference(scenario), scenario)
-    controller = prepare_controller(scenario, design, "ideal", plan)
-    run = Loop(scenario, crane, controller, plan, design=design).run()
+    design, plan = (
+        design_controller("lqr", scenario.design),
+        Plan.of(scenario),
+    )
+    controller = PreparedController.of(scenario, design, "ideal", plan)
+    run = Loop(plan, crane, controller).run()
     assert run.status == RunStatus.ENGINE_WARNING
     assert 0 < len(run.table) < len(plan.time_ns)
     assert "failed in test_addressed.py:" in capfd.readouterr().err

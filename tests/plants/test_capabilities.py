@@ -4,8 +4,8 @@ import itertools
 
 import pytest
 
-from cranectl.plants.capabilities import check_effects
 from cranectl.plants.plant import DRIVES
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario.effects import (
     Body,
     Delay,
@@ -61,7 +61,7 @@ def test_what_a_plant_or_its_drives_cannot_show_is_refused(
     plant: str, drive: str, effects: dict[str, object], parts: list[str]
 ) -> None:
     with pytest.raises(InputError) as caught:
-        check_effects(EffectSettings(**effects), plant=plant, drive=drive)
+        PLANTS.entry(plant).check_effects(EffectSettings(**effects), drive)
     assert all(part in str(caught.value) for part in parts)
 
 
@@ -72,6 +72,6 @@ def test_effects_that_suit_every_plant_are_accepted(plant: str, drive: str) -> N
     effects = EffectSettings(
         friction=PIVOT, wind=Wind(), sensing=Sensing(), delay=Delay(), **velocity, **heavy
     )
-    check_effects(effects, plant=plant, drive=drive)
+    PLANTS.entry(plant).check_effects(effects, drive)
     if plant != "analytic" and drive == "velocity":
-        check_effects(EffectSettings(friction=Friction(), limits=DriveLimits()), plant=plant, drive=drive)
+        PLANTS.entry(plant).check_effects(EffectSettings(friction=Friction(), limits=DriveLimits()), drive)

@@ -8,7 +8,6 @@ import pytest
 from cranectl.campaign.load import load_campaign
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
-from cranectl.plants.capabilities import check_scenario
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES
@@ -16,7 +15,6 @@ from cranectl.plants.registry import PLANTS, PlantEntry
 from cranectl.plants.trials import check_honest
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import make_plant
 from cranectl.support.errors import InputError
 
 RIGID = PLANTS["analytic"].lacks
@@ -78,7 +76,7 @@ def test_a_plant_that_ignores_a_setting_is_refused_at_its_first_run(
 ) -> None:
     registered(Odd, arguments=arguments)
     with pytest.raises(InputError) as error:
-        make_plant("odd", load_scenario("fixed-position"), drive)
+        PLANTS.make("odd", load_scenario("fixed-position"), drive)
     assert error.value.found == f"the odd plant accepts {named} with {drive} drives and does not react"
     assert "PlantEntry: " in error.value.remedy
 
@@ -95,7 +93,7 @@ def test_the_remedy_is_a_declaration_that_works(registered: Any) -> None:
     with pytest.raises(
         InputError, match=r"effects\.friction\.coulomb on the frictionless plant, which has none"
     ):
-        check_scenario(crane("effects.friction={}"), plant=entry.name, drive="velocity")
+        PLANTS.entry(entry.name).check_scenario(crane("effects.friction={}"), "velocity")
 
 
 def crane(text: str) -> Scenario:
@@ -105,11 +103,11 @@ def crane(text: str) -> Scenario:
 def test_a_plant_may_lack_forces_among_the_disturbances_only(registered: Any) -> None:
     registered(Odd, lacks={**RIGID, "disturbances.force": "which knows angles"})
     for text in ("disturbances=[{joint='alpha', start=1.0, magnitude=0.1}]", "effects.wind={}"):
-        check_scenario(crane(text), plant="odd", drive="ideal")
+        PLANTS.entry("odd").check_scenario(crane(text), "ideal")
     force = crane("disturbances=[{start=1.0, force=[1.0, 0.0, 0.0]}]")
     found = "forces among the disturbances on the odd plant, which knows angles"
     with pytest.raises(InputError, match=found) as error:
-        check_scenario(force, plant="odd", drive="ideal")
+        PLANTS.entry("odd").check_scenario(force, "ideal")
     assert "--plants analytic" in error.value.remedy
 
 

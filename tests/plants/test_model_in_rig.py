@@ -11,8 +11,6 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.capabilities import check_scenario
-from cranectl.plants.model_files import examine
 from cranectl.plants.registry import PLANTS
 from cranectl.plants.trials import ProbeRun, _outcome
 from cranectl.scenario.rig import PlantSettings, RigParameters
@@ -128,16 +126,16 @@ def test_a_number_of_the_rig_may_be_rounded(
     mass: float, lag: float, fits: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A drive that pushes with 60 N s/m has a lag of its mass over 60 s."""
-    entry = examine(str(crane_with(tmp_path)), RigParameters())
+    entry = PLANTS.find(str(crane_with(tmp_path)), RigParameters())
     numbers = {**entry.fixed, "trolley_mass": mass, "trolley_time_constant": mass / 60}
     monkeypatch.setitem(PLANTS, entry.name, replace(entry, fixed=numbers))
     rig = RigParameters().model_copy(update={**numbers, "trolley_time_constant": lag})
     scenario = load_scenario("fixed-position").model_copy(update={"rig": rig, "disturbances": ()})
     if fits:
-        check_scenario(scenario, plant=entry.name, drive="velocity")
+        entry.check_scenario(scenario, "velocity")
         return
     with pytest.raises(InputError, match=r"which has 0\.0416667 built in"):
-        check_scenario(scenario, plant=entry.name, drive="velocity")
+        entry.check_scenario(scenario, "velocity")
 
 
 def test_the_numbers_of_a_model_are_not_rounded(tmp_path: Path) -> None:
@@ -145,7 +143,7 @@ def test_the_numbers_of_a_model_are_not_rounded(tmp_path: Path) -> None:
     (drive,) = re.findall(r'<(?:velocity|general) name="trolley_drive"[^>]*>', Shipped.MODEL_FILE.read_text())
     slower = '<velocity name="trolley_drive" joint="trolley_position" kv="60"/>'
     model = crane_with(tmp_path, (drive, slower))
-    lag = examine(str(model), RigParameters()).fixed["trolley_time_constant"]
+    lag = PLANTS.find(str(model), RigParameters()).fixed["trolley_time_constant"]
     assert lag == pytest.approx(2.5 / 60, rel=1e-12)
     for stated in (0.0416666666667, 0.0416667):
         overrides = [f"rig.trolley_time_constant={stated}", "duration=0.05", "disturbances=[]"]
@@ -166,7 +164,7 @@ def test_a_trial_begins_where_the_model_is(tmp_path: Path) -> None:
     shutil.copytree(MODELS / "parts", tmp_path / "parts")
     moved = ('name="girders" pos="0 0 8"', 'name="girders" pos="25 0 8"'), ('range="0 30"', 'range="-5 5"')
     rig = RigParameters(plant=PlantSettings(names=HALL_NAMES))
-    entry = examine(str(changed(MODELS / "hall.xml", tmp_path, *moved)), rig)
+    entry = PLANTS.find(str(changed(MODELS / "hall.xml", tmp_path, *moved)), rig)
     state = _outcome(entry, "velocity", ProbeRun())[:10]
     assert state == pytest.approx([25.0, 0.0, 0.0, 0.0, 4.0, *(0.0,) * 5], abs=1e-6)
 

@@ -20,14 +20,13 @@ from cranectl.live.child_session import ChildSession
 from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
-from cranectl.plants.model_files import plant_named
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.plant import advance, measure_joints
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import ModelNames
-from cranectl.simulate import Run, make_plant, plan_scenario, simulate_run
+from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
@@ -43,7 +42,7 @@ def compared(
     file: Path, scenario: Scenario, drive: str = "velocity", controller: str = "lqr+hinf"
 ) -> tuple[Run, Run]:
     """Return the runs of a model file and of the shipped MuJoCo plant."""
-    plant = plant_named(str(file))
+    plant = PLANTS.find(str(file)).name
     own, ours = (
         simulate_run(scenario, plant=name, drive=drive, controller=controller) for name in (plant, "mujoco")
     )
@@ -90,7 +89,7 @@ def test_foreign_cranes_run(name: str, controller: str, tmp_path: Path) -> None:
 
 
 def test_a_slewing_crane_is_refused_with_the_reason() -> None:
-    name = plant_named(str(MODELS / "slewing.xml"))
+    name = PLANTS.find(str(MODELS / "slewing.xml")).name
     with pytest.raises(InputError, match="trolley_drive does not move the trolley alone and evenly") as error:
         simulate_run(load_scenario("fixed-position"), plant=name, drive="velocity")
     assert "no crane may slew or luff" in error.value.remedy
@@ -98,7 +97,7 @@ def test_a_slewing_crane_is_refused_with_the_reason() -> None:
 
 def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
     """Their set-points are the integral of the command. They sag under the weight, and are not judged."""
-    name = plant_named(str(crane_with(tmp_path, *servos("position"))))
+    name = PLANTS.find(str(crane_with(tmp_path, *servos("position")))).name
     lags = [f"rig.{axis}_time_constant=0.1" for axis in ("bridge", "trolley", "winch")]
     settings = ["duration=8", UNDISTURBED, "initial.load_offset=[0.02, 0.0, 0.0]", *lags]
     scenario = load_scenario("fixed-position", overrides=settings)
@@ -186,7 +185,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_what_the_model_has_cannot_be_set(setting: str, found: str, tmp_path: Path) -> None:
-    name = plant_named(str(crane_with(tmp_path)))
+    name = PLANTS.find(str(crane_with(tmp_path))).name
     scenario = load_scenario("fixed-position", overrides=["duration=0.5", PUSHED, setting])
     with pytest.raises(InputError, match=re.escape(found)) as error:
         simulate_run(scenario, plant=name, drive="velocity")
@@ -266,7 +265,7 @@ def test_commands_work_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
-    name = plant_named(str(Shipped.MODEL_FILE))
+    name = PLANTS.find(str(Shipped.MODEL_FILE)).name
     scenario = load_scenario("fixed-position")
     design = ALL_CONTROLLERS.design("lqr", scenario)
     session = Session(scenario, design, plants=[name], drive="velocity")
@@ -351,8 +350,8 @@ def take_samples(rig, count, work, inputs):
 def test_a_sample_takes_hardly_longer_than_the_engines_own_step(tmp_path: Path) -> None:
     """The ratio of times in one process does not depend on the machine; 1.05 was measured."""
     scenario = load_scenario(write_hall(tmp_path))
-    plant: Any = make_plant(str(MODELS / "hall.xml"), scenario, "velocity")
-    state = plan_scenario(scenario).initial_state
+    plant: Any = PLANTS.make(str(MODELS / "hall.xml"), scenario, "velocity")
+    state = Plan.of(scenario).initial_state
     state[[6, 8]] = 0.05, 0.03
     work, inputs = (np.zeros(10), np.zeros(7)), (np.zeros(3), np.zeros(2), np.zeros(6))
     tasks = {

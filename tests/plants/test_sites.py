@@ -7,8 +7,8 @@ import pytest
 
 from cranectl.model.dynamics import rope_direction, rope_direction_rate
 from cranectl.planning import load_scenario
+from cranectl.plants import PLANTS
 from cranectl.plants.mujoco.sites import state_of_sites
-from cranectl.simulate import make_plant
 from tests.conftest import random_states
 from tests.plants.own_models import MODELS, RIGS, UNDISTURBED, write_hall
 
@@ -34,7 +34,7 @@ def test_height_and_tension_of_a_swinging_load_are_those_of_its_motion(name: str
     states = list(random_states(5))
     loads = []
     for plant_name in (str(MODELS / f"{name}.xml"), "mujoco"):
-        plant = make_plant(plant_name, scenario, "velocity")
+        plant = PLANTS.make(plant_name, scenario, "velocity")
         for state in states:
             load = np.zeros(7)
             plant.reset(state)

@@ -10,13 +10,14 @@ from cranectl.compare.agreement import judge
 from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
+from cranectl.plants import PLANTS
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import load_rig, rig_names, scenario_names
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import make_plant, simulate_run
+from cranectl.simulate import simulate_run
 from cranectl.simulate.open_run import open_run
 
 AXES = ("bridge", "trolley", "winch")
@@ -103,7 +104,7 @@ def test_a_step_that_is_set_is_kept_and_promises_nothing(step: float) -> None:
 def test_every_door_takes_the_same_step() -> None:
     """Runs, open runs, exports and logs have the step of one place."""
     scenario = with_lags(0.004, "duration=0.05", "disturbances=[]", "reference.segments=[]")
-    plant = make_plant("mujoco", scenario, "velocity")
+    plant = PLANTS.make("mujoco", scenario, "velocity")
     assert isinstance(plant, MujocoPlant)
     assert (plant.rig.substeps, plant.rig.step) == (5, 0.0002)
     run = simulate_run(scenario, drive="velocity", controller="lqr")

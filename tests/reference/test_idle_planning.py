@@ -14,7 +14,7 @@ from cranectl.scenario.load import read_scenario
 from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
-from cranectl.simulate.idle_settings import RunKind, idle_settings
+from cranectl.simulate.idle_settings import RunKind
 from cranectl.support.errors import InputError
 
 RUN_KIND = RunKind("analytic", "velocity", "lqr")
@@ -164,7 +164,7 @@ def test_a_setting_of_planning_changes_the_motion_or_is_reported(name: str, key:
         assert error.remedy  # noqa: PT017
         return
     planned = load_scenario("fixed-position", overrides=overrides)
-    assert bool(idle_settings(planned, read, [f"planning.{key}"], [RUN_KIND])) != changed
+    assert bool(RunKind.find_idle_settings(planned, read, [f"planning.{key}"], [RUN_KIND])) != changed
 
 
 def test_a_load_box_replaces_the_clearance_from_the_ends_of_the_rig() -> None:
@@ -176,7 +176,7 @@ def test_a_load_box_replaces_the_clearance_from_the_ends_of_the_rig() -> None:
     more = [*overrides, "planning.clearance=0.3"]
     assert sampled_reference(more) == sampled_reference(overrides)
     read = read_scenario("fixed-position", overrides=more)
-    assert idle_settings(
+    assert RunKind.find_idle_settings(
         load_scenario("fixed-position", overrides=more), read, ["planning.clearance"], [RUN_KIND]
     )
 

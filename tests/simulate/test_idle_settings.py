@@ -26,13 +26,14 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.load import read_scenario
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import simulate_run
-from cranectl.simulate.idle_settings import RunKind, idle_settings
+from cranectl.simulate.idle_settings import RunKind
 from cranectl.support.errors import InputError
 from cranectl.support.trees import Tree
 from tests.campaign.test_without_effect import other_value
 from tests.campaign.test_without_effect import overrides_of as shown_by
 from tests.conftest import PLANTS
 
+find_idle_settings = RunKind.find_idle_settings
 SCENARIO = "off-reference"
 SHORT = [
     "duration=1",
@@ -170,7 +171,7 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
             assert error.allowed or error.remedy  # noqa: PT017
             continue
         read = read_scenario(SCENARIO, overrides=overrides)
-        assumed: Any = idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
+        assumed: Any = find_idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
         assumed = assumed or scenario.idle_effects([name])
         if bool(assumed) == (after != before):
             wrong.append(
@@ -217,7 +218,9 @@ def test_names_of_a_model_file_change_nothing_on_a_shipped_plant() -> None:
     name = "rig.plant.names.load"
     read = read_scenario(SCENARIO, overrides=[*SHORT, f"{name}=hook"])
     uses = [RunKind("mujoco", "ideal", "lqr")]
-    assert idle_settings(read, read, [name], uses) == {"the MuJoCo plant is not from a model file": [name]}
+    assert find_idle_settings(read, read, [name], uses) == {
+        "the MuJoCo plant is not from a model file": [name]
+    }
 
 
 def test_how_often_a_log_is_written_to_is_a_setting(tmp_path: Path) -> None:
@@ -248,7 +251,7 @@ def test_a_setting_that_needs_another_number_is_reported(name: str, value: float
     _, before = outcome(overrides, "analytic", "ideal", controller)
     scenario, after = outcome([*overrides, f"{name}={value}"], "analytic", "ideal", controller)
     assert after == before
-    assert idle_settings(scenario, scenario, [name], [RunKind("analytic", "ideal", controller)])
+    assert find_idle_settings(scenario, scenario, [name], [RunKind("analytic", "ideal", controller)])
 
 
 @pytest.mark.parametrize(("drive", "reads"), [("ideal", True), ("velocity", False), ("force", True)])
@@ -259,7 +262,9 @@ def test_the_observer_is_idle_where_nobody_reads_its_estimates(drive: Any, reads
     _, before = outcome(sensing, "analytic", drive, "pid")
     scenario, after = outcome([*sensing, f"{name}=80.0"], "analytic", drive, "pid")
     assert (after != before) is reads
-    assert bool(idle_settings(scenario, scenario, [name], [RunKind("analytic", drive, "pid")])) is not reads
+    assert (
+        bool(find_idle_settings(scenario, scenario, [name], [RunKind("analytic", drive, "pid")])) is not reads
+    )
 
 
 def test_what_a_plant_of_another_package_excludes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -270,5 +275,7 @@ def test_what_a_plant_of_another_package_excludes_is_reported(monkeypatch: pytes
     monkeypatch.setitem(PLANT_ENTRIES, "own", entry)
     scenario = load_scenario(SCENARIO, overrides=["effects.wind={}"])
     for name in ("effects.wind.gust", "rig.bridge_mass"):
-        assert idle_settings(scenario, scenario, [name], [RunKind("own", "velocity", "lqr")])
-    assert not idle_settings(scenario, scenario, ["rig.trolley_mass"], [RunKind("own", "velocity", "lqr")])
+        assert find_idle_settings(scenario, scenario, [name], [RunKind("own", "velocity", "lqr")])
+    assert not find_idle_settings(
+        scenario, scenario, ["rig.trolley_mass"], [RunKind("own", "velocity", "lqr")]
+    )

@@ -5,13 +5,12 @@ import pytest
 
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
+from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.scenario import Scenario
-from cranectl.signals import COLUMN
 from cranectl.simulate import Loop, open_run, simulate_run
-from cranectl.simulate.plan import plan_scenario
-from cranectl.simulate.run import record_width
-from cranectl.simulate.runner import make_plant, prepare_controller
-from cranectl.simulate.signal_path import whole_record
+from cranectl.simulate.plan import Plan
+from cranectl.simulate.prepared import PreparedController
+from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
 from tests.conftest import PLANTS
 
@@ -30,13 +29,10 @@ def make_scenario(*overrides: str) -> Scenario:
 
 def make_loop(scenario: Scenario, plant: str = "analytic", *, endless: bool = False, rows: int = 0) -> Loop:
     """Return a new loop; `rows` is the number of rows of its records, or 0 for new arrays at each call."""
-    design, plan = ALL_CONTROLLERS.design(CONTROLLER, scenario), plan_scenario(scenario)
-    controller = prepare_controller(scenario, design, DRIVE, plan)
-    records = np.zeros((rows, record_width(design))), np.zeros((rows, COLUMN.path_width))
-    return Loop(
-        scenario, make_plant(plant, scenario, DRIVE), controller, plan, design=design, endless=endless,
-        records=records if rows else None,
-    )  # fmt: skip
+    design, plan = ALL_CONTROLLERS.design(CONTROLLER, scenario), Plan.of(scenario)
+    controller = PreparedController.of(scenario, design, DRIVE, plan)
+    crane = ALL_PLANTS.make(plant, scenario, DRIVE)
+    return Loop(plan, crane, controller, endless=endless, records=controller.records(rows) if rows else None)
 
 
 def in_blocks(loop: Loop, size: int) -> tuple[bytes, bytes]:
@@ -49,7 +45,7 @@ def in_blocks(loop: Loop, size: int) -> tuple[bytes, bytes]:
         )
         times.append(time_ns.copy())
         path = None if loop.path is None else path_record
-        tables.append(whole_record(loop.scenario, record, path, loop.plan.wind[: len(record)]).copy())
+        tables.append(Run.whole_record(loop.scenario, record, path, loop.plan.wind[: len(record)]).copy())
     return np.concatenate(times).tobytes(), np.vstack(tables).tobytes()
 
 

@@ -10,15 +10,17 @@ import pytest
 from cranectl import signals
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
+from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
-from cranectl.simulate import Run, make_plant, simulate_run
-from cranectl.simulate import loop as loop_module
-from cranectl.simulate import runner as runner_module
+from cranectl.simulate import Run, simulate_run
+from cranectl.simulate.actuation import UnloadedDrives
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS
+
+make_plant = ALL_PLANTS.make
 
 
 def same(a: Run, b: Run) -> bool:
@@ -180,7 +182,7 @@ def test_run_stops_when_a_state_is_no_number(
 
     monkeypatch.setattr(crane, "advance", break_down)
     monkeypatch.setattr(crane, "warnings", lambda: 0)
-    monkeypatch.setattr(runner_module, "make_plant", lambda *_: crane)
+    monkeypatch.setattr(ALL_PLANTS, "make", lambda *_: crane)
     run = stop(plant, compiled=False)
     assert run.status == RunStatus.NON_FINITE
     assert len(run.time_ns) in {250, 251}, "the engine's tension already shows it at the sample itself"
@@ -200,7 +202,7 @@ def test_run_stops_when_the_engine_warns(monkeypatch: pytest.MonkeyPatch, tmp_pa
             crane.rig.warnings[0] = 1
 
         monkeypatch.setattr(crane, "reset", reset_then_warn)
-        monkeypatch.setattr(runner_module, "make_plant", lambda *_, crane=crane: crane)
+        monkeypatch.setattr(ALL_PLANTS, "make", lambda *_, crane=crane: crane)
         run = stop("mujoco", compiled=compiled)
         assert run.status == RunStatus.ENGINE_WARNING
         assert len(run.time_ns) == 1
@@ -273,10 +275,8 @@ def test_recorded_accelerations_of_set_points_reach_neither_plant_nor_observer(
         "off-reference", overrides=["effects.sensing={}", "effects.delay={}", "rig.load_mass=3.0"]
     )
     run = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
-    make = loop_module.make_unloaded_drives
-    monkeypatch.setattr(
-        loop_module, "make_unloaded_drives", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0))
-    )
+    make = UnloadedDrives.of
+    monkeypatch.setattr(UnloadedDrives, "of", lambda *given: make(*given)._replace(velocity=np.full(3, 9.0)))
     other = simulate_run(scenario, plant="mujoco", controller=controller, drive=drive)
     recorded = signals.COLUMN.input + np.arange(3)
     assert np.delete(run.table, recorded, axis=1).tobytes() == (

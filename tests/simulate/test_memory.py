@@ -14,7 +14,7 @@ from cranectl.cli.main import main
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
-from cranectl.simulate import memory, simulate_run
+from cranectl.simulate import RunMemory, memory, simulate_run
 from cranectl.support.errors import InputError
 
 FINE = ("control.period=1e-6", "control.physics_step=1e-6")
@@ -108,7 +108,7 @@ def test_the_remedy_for_too_much_memory_works() -> None:
     with pytest.raises(InputError, match="would take") as caught:
         simulate_run(scenario(*ENDLESS), controller="lqr")
     period = caught.value.remedy.split()[3].rstrip(",")
-    memory.check_planned(scenario(*ENDLESS[1:], f"control.period={period}"))
+    RunMemory(scenario(*ENDLESS[1:], f"control.period={period}")).check_planned()
 
 
 def test_the_bound_is_four_copies_of_all_columns(counted: list[float]) -> None:
@@ -121,9 +121,9 @@ def test_the_bound_is_four_copies_of_all_columns(counted: list[float]) -> None:
 def test_ten_minutes_at_a_millisecond_fit_into_memory() -> None:
     long_scenario = scenario(duration=600.0)
     design = ALL_CONTROLLERS.design("lqr", long_scenario)
-    memory.check_runs(long_scenario, design, "ideal", 2)
+    RunMemory(long_scenario).check_runs(design, "ideal", 2)
     with pytest.raises(InputError, match="fewer plants"):
-        memory.check_runs(long_scenario, design, "ideal", 9)
+        RunMemory(long_scenario).check_runs(design, "ideal", 9)
 
 
 def test_the_control_periods_of_a_campaign_are_counted_together(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from cranectl.plants.plant import DRIVES
 from cranectl.scenario import Scenario
 from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
-from cranectl.simulate.actuation import forces_at_rest, make_actuation
-from cranectl.simulate.signal_path import act, make_signal_path
+from cranectl.simulate.actuation import Actuation, forces_at_rest
+from cranectl.simulate.signal_path import SignalPath, act
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from tests.conftest import PLANTS
@@ -110,9 +110,8 @@ def test_a_limit_that_a_set_point_exceeds_by_rounding_does_not_act(beyond: float
     )
     start = np.zeros(10)
     start[[1, 3, 4]] = 0.2, 0.2, 0.7
-    path = make_signal_path(scenario, start, drive="velocity", samples=1)
-    assert path is not None
-    integral, actuation = start[1:6:2].copy(), make_actuation(scenario, "velocity")
+    path = SignalPath.of(scenario, start, drive="velocity")
+    integral, actuation = start[1:6:2].copy(), Actuation.of(scenario, "velocity")
     row, commanded = np.zeros(COLUMN.width), np.zeros(6)
     row[COLUMN.input : COLUMN.input + 3] = 7.0  # what the controller asks for, and the observer is told
     act(path, actuation, integral, np.array([0.2 + beyond, 0.2, 0.0]), row, commanded)

@@ -14,7 +14,7 @@ from cranectl.controllers.addressed import _call
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import plan_scenario, prepare_controller
+from cranectl.simulate import Plan, PreparedController
 from cranectl.support.jit import jit
 from validation.performance.controller_times import build_library
 from validation.performance.figures import Measurement, summarise, time_alternately
@@ -52,7 +52,7 @@ def measure_loaded_controllers(repeats: int) -> list[Measurement]:
         exec(compile(Path(twin.__file__).read_text("utf-8"), twin.__file__, "exec"), twin.__dict__)
         scenario = load_scenario("settled-trajectory")
         design = ALL_CONTROLLERS.design(open_controller(str(library)), scenario)
-        controller = prepare_controller(scenario, design, "ideal", plan_scenario(scenario)).bound()
+        controller = PreparedController.of(scenario, design, "ideal", Plan.of(scenario)).compiled.bound()
         rng = np.random.default_rng(1)
         measured, reference = rng.normal(size=(100, 12)), rng.normal(size=(100, 15))
         arguments = (controller.parameters, measured, reference, np.zeros(3), np.zeros(3))

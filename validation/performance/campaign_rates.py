@@ -23,12 +23,11 @@ from cranectl.campaign.worker import BLOCK, PreparedCampaign, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
+from cranectl.plants import PLANTS
 from cranectl.plants.mujoco.engine import mj_step
 from cranectl.plants.mujoco.model import compiled_model, rate_addresses, state_addresses
-from cranectl.signals import COLUMN
-from cranectl.simulate import Loop, make_plant, plan_scenario, prepare_controller
+from cranectl.simulate import Loop, Plan, PreparedController
 from cranectl.simulate.open_runs import OpenRuns, open_runs
-from cranectl.simulate.run import record_width
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
 from validation.performance import other_implementations as other
@@ -85,7 +84,7 @@ class BareSteps:
 
     def __init__(self, *, from_file: bool) -> None:
         scenario = load_scenario(SCENARIO)
-        self.steps, state = scenario.steps + 1, plan_scenario(scenario).initial_state
+        self.steps, state = scenario.steps + 1, Plan.of(scenario).initial_state
         if from_file:
             self.model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
         else:
@@ -113,12 +112,15 @@ def run_in_threads(tasks: Sequence[Callable[[], object]]) -> None:
 def make_loop(controller: str, plant: str = "mujoco") -> Callable[[], object]:
     """Return a function that runs the compiled loop without sampling, metrics and results."""
     scenario = load_scenario(SCENARIO)
-    design, plan = design_controller(controller, scenario.design), plan_scenario(scenario)
-    prepared, crane = prepare_controller(scenario, design, DRIVE, plan), make_plant(plant, scenario, DRIVE)
-    records = np.zeros((BLOCK, record_width(design))), np.zeros((BLOCK, COLUMN.path_width))
+    design, plan = design_controller(controller, scenario.design), Plan.of(scenario)
+    prepared, crane = (
+        PreparedController.of(scenario, design, DRIVE, plan),
+        PLANTS.make(plant, scenario, DRIVE),
+    )
+    records = prepared.records(BLOCK)
 
     def run_loop() -> None:
-        loop = Loop(scenario, crane, prepared, plan, design=design, records=records)
+        loop = Loop(plan, crane, prepared, records=records)
         while not loop.is_finished:
             loop.advance(BLOCK)
 

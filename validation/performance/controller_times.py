@@ -22,7 +22,7 @@ from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
 from cranectl.loaders.c_controller import HEADER
 from cranectl.loaders.opening import open_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import plan_scenario, prepare_controller, simulate_run
+from cranectl.simulate import Plan, PreparedController, simulate_run
 from cranectl.simulate.loops import write_measured
 from cranectl.support.jit import jit
 from validation.performance.figures import Measurement, summarise
@@ -94,13 +94,12 @@ class RepeatedRun:
 
     def __init__(self, controller: str) -> None:
         scenario = load_scenario(benchmark_file(BENCHMARK).parent / "scenarios" / f"{SCENARIO}.toml")
-        plan, design = plan_scenario(scenario), ALL_CONTROLLERS.design(controller, scenario)
-        self.controller = prepare_controller(scenario, design, DRIVE, plan)
+        plan, design = Plan.of(scenario), ALL_CONTROLLERS.design(controller, scenario)
+        self.controller = PreparedController.of(scenario, design, DRIVE, plan)
         run = simulate_run(
             scenario,
             plant="analytic",
             drive=DRIVE,
-            design=design,
             plan=plan,
             compiled_controller=self.controller,
         )
@@ -108,7 +107,8 @@ class RepeatedRun:
 
     def time_sample(self) -> float:
         """Return the processor time of a sample [s], which other processes disturb less than clock time."""
-        compiled, memory = self.controller.with_own_memory().bound(), self.controller.start.copy()
+        compiled = self.controller.compiled.with_own_memory().bound()
+        memory = compiled.start.copy()
         start = thread_time()
         failed = _run_steps(compiled, self.states, memory)
         elapsed = thread_time() - start

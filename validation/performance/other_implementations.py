@@ -13,11 +13,12 @@ from mujoco.batch import Batch
 from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
+from cranectl.controllers import Tracker
 from cranectl.design import design_controller, diagonal
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.model import drive_addresses, model_spec, rate_addresses, state_addresses
-from cranectl.simulate import plan_scenario, tracker_of
-from cranectl.simulate.actuation import make_actuation
+from cranectl.simulate import Plan
+from cranectl.simulate.actuation import Actuation
 
 Array = NDArray[np.float64]
 SCENARIO, OVERRIDES = "off-reference", ["duration=7"]  # a path, with the load beside it at the start
@@ -38,10 +39,10 @@ class Task:
 
     def __init__(self, controller: str) -> None:
         self.scenario = load_scenario(SCENARIO, overrides=OVERRIDES)
-        self.plan = plan_scenario(self.scenario)
+        self.plan = Plan.of(self.scenario)
         self.design = design_controller(controller, self.scenario.design)
-        self.tracker = tracker_of(self.scenario, self.design)
-        self.lag = make_actuation(self.scenario).lag
+        self.tracker = Tracker.of(self.scenario, self.design)
+        self.lag = Actuation.of(self.scenario).lag
         # The sampled robustifier of one axis.
         self.a = diagonal(self.tracker.state_matrix.reshape(-1, 2, 2))
         self.b, self.c = self.tracker.input_matrix, self.tracker.output_matrix

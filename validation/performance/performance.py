@@ -23,7 +23,7 @@ from cranectl.log.messages import streams
 from cranectl.log.reader import read_log, read_signal
 from cranectl.log.writer import CHUNK_SIZE, Channels, write_log
 from cranectl.planning import load_scenario
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from validation.performance.call_overhead import measure_loaded_controllers
 from validation.performance.campaign_rates import (
     BareSteps,
@@ -49,7 +49,7 @@ def heaviest_controller() -> str:
 def compare_run_with_bare_steps(repeats: int) -> list[Measurement]:
     """Compare a run that records every signal with bare steps of the engine."""
     scenario, name = load_scenario(SCENARIO), heaviest_controller()
-    design, plan = design_controller(name, scenario.design), plan_scenario(scenario)
+    design, plan = design_controller(name, scenario.design), Plan.of(scenario)
     steps = scenario.steps + 1
 
     def run() -> None:
@@ -75,7 +75,7 @@ def compare_elastic_with_engine(repeats: int) -> list[Measurement]:
     design, all_effects = design_controller("lqr", plain.design), plain.rig.effects
     for names in ((), ("friction",), ("frame",), ("rope", "body", "wind", "frame")):
         scenario = plain.model_copy(update={"effects": all_effects.only(*names)})
-        options = {"drive": "velocity", "design": design, "plan": plan_scenario(scenario)}
+        options = {"drive": "velocity", "design": design, "plan": Plan.of(scenario)}
         tasks = {
             plant: functools.partial(simulate_run, scenario, plant=plant, **options)
             for plant in ("elastic", "mujoco")

@@ -29,15 +29,14 @@ from cranectl.compare.agreement import Agreement, AgreementLimits, judge, pair_l
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
-from cranectl.plants.capabilities import check_effects
+from cranectl.plants import PLANTS
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PLANTS
 from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
 from cranectl.report.run.differences import pair_tables
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import ControlSettings
-from cranectl.simulate import make_plant, plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from cranectl.support.errors import InputError
 
 EFFECTS = ("rope", "body", "wind", "frame", "friction", "sensing", "delay", "installation")
@@ -153,10 +152,10 @@ def is_amplified(case: Case) -> bool:
 
 def _can_run(plant: str, scenario: Scenario, drive: str) -> bool:
     try:
-        check_effects(scenario.effects, plant=plant, drive=drive)
+        PLANTS.entry(plant).check_effects(scenario.effects, drive)
     except InputError:
         return False
-    make_plant(plant, scenario, drive).check_length(plan_scenario(scenario).shortest_rope)
+    PLANTS.make(plant, scenario, drive).check_length(Plan.of(scenario).shortest_rope)
     return True
 
 

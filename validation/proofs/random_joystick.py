@@ -25,7 +25,7 @@ from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA
-from cranectl.simulate import plan_reference
+from cranectl.simulate import PlannedReference
 from validation.proofs.random_cranes import commit
 
 CRANES = ("fixed-position", "workshop-move", "ship-to-shore")
@@ -69,7 +69,7 @@ def random_drive(random: np.random.Generator, crane: str, name: str) -> Scenario
 
 def limit_usage(scenario: Scenario) -> dict[str, float]:
     """Return the part of each limit that the reference of a driven scenario uses; 1 is the limit."""
-    reference = plan_reference(scenario).reference  # raises an error if the path leaves the workspace
+    reference = PlannedReference.of(scenario).reference  # raises an error if the path leaves the workspace
     states, inputs = states_and_inputs(reference, scenario.rig.gravity)
     limits = limits_of(scenario)
     setpoints = states[:, 1:6:2] + scenario.rig.time_constants * inputs

@@ -43,16 +43,28 @@ import numpy as np
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
 from cranectl.simulate import runner
-from cranectl.simulate.plan import plan_reference, plan_run
-try:
-    from cranectl.simulate.run import record_width
-except ImportError:
-    from cranectl.simulate.runner import record_width
 plant, drive, runs = sys.argv[1:]
 scenario = load_scenario("fixed-position")
 design = design_controller("lqr+loop-shaping", scenario.design)
-plan = plan_run(plan_reference(scenario), scenario)
+try:
+    from cranectl.simulate.plan import plan_reference, plan_run
+    plan = plan_run(plan_reference(scenario), scenario)
+    try:
+        from cranectl.simulate.run import record_width
+    except ImportError:
+        from cranectl.simulate.runner import record_width
+except ImportError:
+    from cranectl.plants import PLANTS
+    from cranectl.simulate import Loop, Plan, PreparedController
+    plan = Plan.of(scenario)
 def seconds():
+    if not hasattr(runner, "make_plant"):
+        crane = PLANTS.make(plant, scenario, drive)
+        prepared = PreparedController.of(scenario, design, drive, plan)
+        loop = Loop(plan, crane, prepared, records=prepared.records(len(plan.time_ns)))
+        begin = time.perf_counter()
+        loop.advance(len(plan.time_ns))
+        return time.perf_counter() - begin
     crane = runner.make_plant(plant, scenario, drive)
     prepare = getattr(runner, "prepare_controller", None) or runner.law_of
     compiled = prepare(scenario, design, crane.drive, plan)

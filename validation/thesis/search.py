@@ -19,7 +19,7 @@ import numpy as np
 
 from cranectl.design import design_controller
 from cranectl.planning import load_scenario
-from cranectl.simulate import plan_scenario, simulate_run
+from cranectl.simulate import Plan, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
@@ -72,7 +72,7 @@ def deviations(reading: Reading) -> np.ndarray | None:
     """Return relative deviations (controllers, 2) from Table 5.3, or None if the reading is impossible."""
     try:
         scenario = load_scenario("settled-trajectory", overrides=reading.overrides())
-        plan = plan_scenario(scenario)
+        plan = Plan.of(scenario)
     except InputError:
         return None
     rows = []

@@ -29,11 +29,11 @@ from cranectl.analysis.certificate.nu_gap import (
 )
 from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.analysis.certificate.systems import RESOLUTION
-from cranectl.controllers import ALL_CONTROLLERS, LinearController, only_flat
+from cranectl.controllers import ALL_CONTROLLERS, LinearController, Tracker
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive, MujocoPlant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.simulate import linearised_controller, tracker_of
+from cranectl.simulate import PreparedController
 from cranectl.support import InconsistentError, InputError
 
 MAX_DELAY_SAMPLES = 300  # a point then takes 2 s; no controller here is stable with half of this delay
@@ -233,7 +233,7 @@ def make_nominal_loops(
             allowed="a load that hangs at rest, for which the controller declares its linearisation",
             remedy="take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
         )
-    linear = linearised_controller(scenario, design, lengths)
+    linear = PreparedController.near_rest(scenario, design, lengths)
     return {
         controller_at.rope_length: make_nominal_loop(scenario, design, opened_at, controller_at)
         for controller_at in linear
@@ -258,8 +258,8 @@ def make_nominal_loop(
     if linear is not None:
         axis = controller_axis(linear, period)
     else:
-        tracker_of(scenario, only_flat(design))  # raises if the design's own loop is unstable when sampled
-        axis = flat_axis(only_flat(design), period)
+        Tracker.of(scenario, design.flat)  # raises if the design's own loop is unstable when sampled
+        axis = flat_axis(design.flat, period)
     opening = choose_opening(design.name, axis, scenario.design, opened_at)
     graph = opening.graph(axis.inner_loop())
     margin = coprime_margin(graph, opening.controller, axis.robustifier.poles())

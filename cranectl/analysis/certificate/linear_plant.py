@@ -26,24 +26,13 @@ from cranectl.analysis.certificate.operating_points import (
     signals_at,
 )
 from cranectl.analysis.certificate.systems import SampledSystem
-from cranectl.controllers import (
-    EXPECTED,
-    JOINTS,
-    MEMORY,
-    Observer,
-    Tracker,
-    correct,
-    initial_estimate,
-    linearising_step,
-    make_observer,
-    predict,
-)
+from cranectl.controllers import EXPECTED, JOINTS, Observer, Tracker, observe, predict
 from cranectl.design import design_controller
-from cranectl.model import angular_accelerations, flat_output
-from cranectl.plants import DRIVES, Drive, MujocoPlant, jacobian
+from cranectl.model import angular_accelerations
+from cranectl.plants import DRIVES, PLANTS, Drive, MujocoPlant, jacobian
 from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
-from cranectl.simulate import Actuation, actuate, make_actuation, make_plant, tracker_of
+from cranectl.simulate import Actuation, SignalPath, actuate
 from cranectl.support import Array
 
 
@@ -111,17 +100,15 @@ def linear_plant(
     linearisation, for controllers outside the flat family.
     """
     plant = plant or run_plant(scenario, drive)
-    tracker = tracker_of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
+    tracker = Tracker.of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
     wind = scenario.effects.wind
     air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
     equilibrium = find_equilibrium(plant, point, air, tracker.gravity)
     state, crane_matrix = signals_at(equilibrium.joints, tracker.gravity), equilibrium.linearise()
-    sensing = scenario.effects.sensing
-    arguments = {"period": tracker.period, "gravity": tracker.gravity}
-    observer = None if sensing is None else make_observer(sensing.observer_bandwidth, **arguments)
-    actuation = make_actuation(scenario)
+    path = SignalPath.of(scenario, state.joints, drive=drive)
+    observer, actuation = path.observer if path.sensed else None, Actuation.of(scenario)
     controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
-    memory = _equilibrium_memory(state, equilibrium.command, observer)
+    memory = _equilibrium_memory(state, equilibrium.command, path)
     at = np.concatenate([state.joints, memory, state.virtual_input])
     steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
     controller_matrix = jacobian(controller_map, at, steps)
@@ -134,20 +121,19 @@ def linear_plant(
 def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:
     """Return the MuJoCo plant of `scenario` with the linear part of its effects."""
     effects = scenario.effects.linear_part
-    plant = make_plant("mujoco", scenario.model_copy(update={"effects": effects}), drive)
+    plant = PLANTS.make("mujoco", scenario.model_copy(update={"effects": effects}), drive)
     assert isinstance(plant, MujocoPlant)
     return plant
 
 
-def _equilibrium_memory(state: EquilibriumState, command: Array, observer: Observer | None) -> Array:
-    memory = np.zeros(ESTIMATE)
-    memory[MEMORY.zeta], memory[SETPOINT:ESTIMATE] = state.zeta, command
-    if observer is None:
+def _equilibrium_memory(state: EquilibriumState, command: Array, path: SignalPath) -> Array:
+    memory = np.concatenate([[state.zeta, 0.0], command])
+    if not path.sensed:
         return memory
-    joints, estimate = state.joints, initial_estimate(state.joints)
+    joints, estimate, gravity = state.joints, path.estimate, path.observer.gravity
     # The observer takes what holds the angles against gravity for a disturbance.
     fall = angular_accelerations(
-        joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, observer.gravity
+        joints[ROPE], joints[ROPE_RATE], joints[ALPHA], 0.0, joints[BETA], 0.0, 0.0, 0.0, gravity
     )  # fmt: skip
     estimate[EXPECTED.disturbance + 3 : EXPECTED.disturbance + JOINTS] = -np.array(fall)
     return np.concatenate([memory, estimate])
@@ -162,21 +148,16 @@ def _controller_map(
 
     def controller_map(values: Array) -> Array:
         joints, memory, v = values[:10].copy(), values[10 : 10 + size].copy(), values[10 + size :]
-        commands, flat = np.zeros(6), np.zeros(15)
-        estimate = memory[ESTIMATE:]
+        commands, estimate = np.zeros(6), memory[ESTIMATE:]
         if observer is not None:
-            for joint in range(JOINTS):
-                correct(observer, joint, joints[2 * joint], estimate)
-            joints[0::2], joints[1::2] = estimate[:JOINTS], estimate[JOINTS : 2 * JOINTS]
-        if tracker is None:
-            commands[:3] = v
-        else:
-            flat_output(joints, memory[MEMORY.zeta], memory[MEMORY.zeta + 1], tracker.gravity, flat)
-            linearising_step(tracker, joints, memory, v, commands[:3])
+            measured = np.zeros(JOINT_SIGNALS + 2)
+            observe(observer, joints[0::2].copy(), estimate, measured)
+            joints = measured[:JOINT_SIGNALS]
+        outputs, commands[:3] = (joints, v) if tracker is None else tracker.linearise(joints, memory, v)
         actuate(actuation, memory[SETPOINT:ESTIMATE], commands)
         if observer is not None:
             predict(observer, commands[:3], estimate)
-        return np.concatenate([memory, commands[first : first + 3], joints if tracker is None else flat[:12]])
+        return np.concatenate([memory, commands[first : first + 3], outputs])
 
     return controller_map
 

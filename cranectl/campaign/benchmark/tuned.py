@@ -9,7 +9,7 @@ from typing import Any
 from cranectl.campaign.benchmark.declared import assignments, variables_of
 from cranectl.campaign.benchmark.settings import Benchmark
 from cranectl.campaign.benchmark.tuning import Point, Tuned
-from cranectl.controllers import ALL_CONTROLLERS, OPEN
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import TOML, File, FileKind, InputError, Provenance, Tree
 
 DEFAULT = "literature"  # the default benchmark
@@ -48,7 +48,8 @@ def tuned_table(tuned: Tuned, benchmark: Benchmark, rules: str) -> dict[str, Any
 
 def code_of(controller: str) -> str | None:
     """Return the digest of the code of a controller from a file, or None for one of the package."""
-    return OPEN.registered[controller].code or None if controller in OPEN.registered else None
+    registered = ALL_CONTROLLERS.opened.registered
+    return registered[controller].code or None if controller in registered else None
 
 
 def search_of(controller: str, rules: str) -> str:
@@ -123,7 +124,8 @@ def _is_current(table: Mapping[str, Any], controller: str) -> bool:
     """Return True if the numbers in `table` were found for the present code of `controller`."""
     if "sha256" not in table:
         return bool(table.get("code") == code_of(controller))
-    origin = OPEN.registered[controller].origin if controller in OPEN.registered else None
+    registered = ALL_CONTROLLERS.opened.registered
+    origin = registered[controller].origin if controller in registered else None
     return bool(table["sha256"] == (origin.sha256 if origin else None))
 
 

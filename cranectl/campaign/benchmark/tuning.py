@@ -32,7 +32,7 @@ from cranectl.campaign.workers import Children, make_worker
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import Metric
 from cranectl.scenario import Scenario
-from cranectl.simulate import BLOCK_TIMEOUT
+from cranectl.simulate import Loop
 from cranectl.status import RunStatus
 from cranectl.support import InconsistentError, InputError, MachineError
 
@@ -194,7 +194,7 @@ def tune(
     *,
     runs: int | None = None,
     workers: int = 1,
-    timeout: float = BLOCK_TIMEOUT,
+    timeout: float = Loop.TIMEOUT,
     advance: Advance = lambda _: None,
     known: Sequence[Point] = (),
     keep: Callable[[Sequence[Point]], None] = lambda _: None,

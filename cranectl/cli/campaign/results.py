@@ -158,10 +158,10 @@ def replay_campaign(
     """
     from cranectl.campaign.replay import check_models, chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
-    from cranectl.plants import MODEL_ENDING, PLANTS, plant_named
+    from cranectl.plants import PLANTS
 
     PLANTS.forget_model_files()
-    plants = tuple(plant_named(name) if name.endswith(MODEL_ENDING) else name for name in plants)
+    plants = tuple(PLANTS.find(name).name if name.endswith(PLANTS.MODEL_ENDING) else name for name in plants)
     if samples and worst is not None:
         raise click.UsageError("--run and --worst exclude each other")
     results = read_results(result, unfinished=True)

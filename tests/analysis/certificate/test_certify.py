@@ -26,7 +26,7 @@ from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import default_scenario
-from cranectl.simulate import linearised_controller
+from cranectl.simulate import PreparedController
 
 PERIOD = 1e-3
 AXES = ("bridge", "trolley", "winch")
@@ -263,7 +263,7 @@ def test_the_design_model_of_a_law_is_the_crane_with_ideal_drives() -> None:
     verdict = loop.judge(loop.inner_loop(scenario, HANGING, "ideal"), HANGING)
     assert verdict.gap < 1e-3
     assert verdict.certified
-    law = linearised_controller(scenario, loop.design, [0.7])[0]
+    law = PreparedController.near_rest(scenario, loop.design, [0.7])[0]
     slowest = np.linalg.eigvals(law.a - law.b @ law.gain[np.newaxis]).real.max()
     assert np.log(verdict.closed_loop_radius) / PERIOD == pytest.approx(slowest, rel=0.02)
 

@@ -20,6 +20,7 @@ from cranectl.analysis.certificate.operating_points import (
     signals_at,
     tilt_angles,
 )
+from cranectl.controllers import Tracker
 from cranectl.controllers.flat import MEMORY, RUNNING, control_step
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.design import design_controller
@@ -29,8 +30,8 @@ from cranectl.scenario import Scenario
 from cranectl.scenario.effects import EFFECTS, NO_EFFECTS, EffectNumbers
 from cranectl.scenario.load import default_scenario
 from cranectl.signals import COLUMN, ROPE, ROPE_RATE
-from cranectl.simulate import Loop, plan_scenario, prepare_controller, tracker_of
-from cranectl.simulate.actuation import actuate, make_actuation
+from cranectl.simulate import Loop, Plan, PreparedController
+from cranectl.simulate.actuation import Actuation, actuate
 from cranectl.support.errors import InputError
 from tests.conftest import STILL
 
@@ -64,14 +65,14 @@ def nonlinear_loop(
     All that the effects let move besides starts where it rests.
     """
     design = design_controller("lqr+loop-shaping", scenario.design)
-    tracker, plant, air = tracker_of(scenario, design), run_plant(scenario, drive), air_of(scenario)
+    tracker, plant, air = Tracker.of(scenario, design), run_plant(scenario, drive), air_of(scenario)
     equilibrium = find_equilibrium(plant, point, air, G)
     base, command, held = equilibrium.base, equilibrium.command, signals_at(equilibrium.joints, G)
     row = np.zeros(COLUMN.width + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
     memory[MEMORY.zeta] = held.zeta
-    actuation, integral = make_actuation(scenario), command.copy()
+    actuation, integral = Actuation.of(scenario), command.copy()
     control_step(tracker, held.joints, reference, memory.copy(), row)
     first = COLUMN.input if drive == "ideal" else COLUMN.input + 3
     reference[:12] = row[COLUMN.flat_output : COLUMN.flat_output + 12]
@@ -248,11 +249,11 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     held[ROPE] = point.rope_length
     places = seen[seen % 2 == 0]
     offset[places] = 1e-6 * np.random.default_rng(2).normal(size=len(places))
-    plan = replace(plan_scenario(scenario), initial_state=held)
+    plan = replace(Plan.of(scenario), initial_state=held)
     plan.reference[:] = 0.0
     plan.reference[:, 2] = -point.rope_length
-    law, plant = prepare_controller(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
-    loop = Loop(scenario, plant, law, plan, design=design, compiled=False)
+    law, plant = PreparedController.of(scenario, design, "velocity", plan), run_plant(scenario, "velocity")
+    loop = Loop(plan, plant, law, compiled=False)
     loop.inputs = loop.inputs._replace(stop_outside=False)
     plant.reset(held + offset)
     _, record, _, _ = loop.advance(200)

@@ -281,6 +281,6 @@ def test_machine_errors_are_not_refusals(tiny: Benchmark, monkeypatch: pytest.Mo
         raise MemoryError
 
     controller = tune(tiny, "pid", runs=10).controller
-    monkeypatch.setattr("cranectl.campaign.worker.plan_run", exhaust_memory)
+    monkeypatch.setattr("cranectl.simulate.plan.PlannedReference.plan", exhaust_memory)
     with pytest.raises(MachineError, match="MemoryError"):
         tune(tiny, controller, runs=10)
