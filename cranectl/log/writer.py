@@ -43,7 +43,10 @@ FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full di
 
 
 def check_writable(path: Path, *, inputs: Iterable[Path] = (), at_once: bool = False) -> None:
-    """Raise LogError if no log can be written, before time is spent on a simulation; see ``."""
+    """Raise LogError if no log can be written, before time is spent on a simulation.
+
+    Arguments are those of `FileKind.check_place`.
+    """
     FileKind.MCAP.check_place(path, inputs=inputs, option="--out", at_once=at_once)
 
 

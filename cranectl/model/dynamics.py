@@ -27,7 +27,7 @@ Matrix = NDArray[np.float64]
 def angular_accelerations(rope_length, rope_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, gravity):
     """Return (alpha'', beta'') [rad/s²] at the accelerations u_x, u_y of bridge and trolley [m/s²].
 
-    This is the corrected (2.12). It contains no masses. It needs rope_length > 0 and |beta| < pi/2.
+    This is the corrected (2.12). It contains no masses. It needs rope_length > 0, and beta between -pi/2 and pi/2.
     """
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     alpha_ddot = (

@@ -1,0 +1,148 @@
+"""The pages of the site on the rooms of the core: one for each face, with all its names.
+
+`docs/build.py` writes them. A face is `cranectl/ROOM/__init__.pyi`. The texts are docstrings, and for fields
+and constants the comments beside them.
+"""
+
+import ast
+import functools
+import importlib
+import inspect
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple, get_args
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+PACKAGE = Path(__file__).resolve().parents[1] / "cranectl"
+MAX_VALUE = 60  # characters of a constant's value that are shown
+TITLES = {"class": "Classes", "function": "Functions", "data": "Constants and types", "module": "Modules"}
+
+
+class Name(NamedTuple):
+    """A name of a face."""
+
+    room: str
+    name: str
+    file: Path  # where it is defined
+
+    @property
+    def value(self) -> Any:
+        """The object itself."""
+        return getattr(importlib.import_module(f"cranectl.{self.room}"), self.name)
+
+    @property
+    def kind(self) -> str:
+        """A key of `TITLES`."""
+        if isinstance(self.value, ModuleType):
+            return "module"
+        if inspect.isclass(self.value):
+            return "class"
+        is_function = callable(self.value) and hasattr(self.value, "__wrapped__")
+        return "function" if is_function or inspect.isroutine(self.value) else "data"
+
+    @property
+    def summary(self) -> str:
+        """The first sentence about it."""
+        if self.kind == "data":
+            return _comments(self.file).get(self.name, "")
+        return (inspect.getdoc(self.value) or "").partition("\n")[0]
+
+    def entry(self) -> str:
+        """Return its entry in reStructuredText."""
+        path = f"cranectl.{self.room}.{self.name}"
+        if self.kind == "data":
+            shown = repr(self.value)
+            value = f"   :value: {shown}\n" if len(shown) <= MAX_VALUE and " at 0x" not in shown else ""
+            return f".. py:data:: {path}\n{value}\n   {_plain(self.summary)}\n"
+        if self.kind == "module":
+            return f".. py:module:: {self.value.__name__}\n\n{self.summary}\n"
+        if self.kind == "function":
+            return f".. autofunction:: {path}\n"
+        fields = self.fields()
+        signature = "(**settings)" if issubclass(self.value, BaseModel) else ""
+        lines = [f".. autoclass:: {path}{signature}", "   :members:"]
+        lines += [f"   :exclude-members: {', '.join(['model_config', *fields])}", ""]
+        if "\nParameters\n---" not in (inspect.getdoc(self.value) or ""):
+            lines += [f"   - ``{name}``: {_plain(text)}" for name, text in fields.items() if text]
+        return "\n".join(lines) + "\n"
+
+    def fields(self) -> dict[str, str]:
+        """Return what is said of each field of a class: its description or its comment."""
+        if issubclass(self.value, BaseModel):
+            return {name: _described(field) for name, field in self.value.model_fields.items()}
+        own = self.value.__dict__.get("__annotations__", {})
+        comments = _comments(Path(inspect.getfile(self.value)))
+        return {name: comments.get(f"{self.value.__name__}.{name}", "") for name in own}
+
+
+def faces() -> dict[str, list[Name]]:
+    """Return the names of each face, by room."""
+    found = {}
+    for stub in sorted(PACKAGE.glob("*/__init__.pyi")):
+        room, names = stub.parent.name, []
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body:
+            assert isinstance(node, ast.ImportFrom)
+            file = stub.parent.joinpath(*(node.module or "__init__").split(".")).with_suffix(".py")
+            names += [Name(room, alias.name, file) for alias in node.names]
+        found[room] = sorted(names, key=lambda name: name.name.lower())
+    return found
+
+
+def room_pages() -> Iterator[tuple[str, str]]:
+    """Yield the name of each page and its text, the index of all rooms first."""
+    rooms = faces()
+    heads = {room: inspect.getdoc(importlib.import_module(f"cranectl.{room}")) or "" for room in rooms}
+    listed = "".join(f"- :doc:`{room}`: {_plain(text.partition(chr(10))[0])}\n" for room, text in heads.items())
+    menu = "".join(f"   {room}\n" for room in rooms)
+    yield "index", (
+        f"{_title('Rooms of the core')}"
+        "For who works on cranectl: what each room of the core offers to the others. Names that are not on\n"
+        f":doc:`../api` may change in any version.\n\n{listed}\n.. toctree::\n   :hidden:\n\n{menu}"
+    )
+    for room, names in rooms.items():
+        parts = [_title(f"cranectl.{room}"), f"{heads[room]}\n"]
+        for kind, title in TITLES.items():
+            of_kind = [name for name in names if name.kind == kind]
+            if of_kind:
+                parts += [_title(title, "-"), *(f"{name.entry()}\n" for name in of_kind)]
+        yield room, "\n".join(parts)
+
+
+def _described(field: FieldInfo) -> str:
+    """Return the description of a field of settings, or what its table or its only value says."""
+    kind = next((each for each in (field.annotation, *get_args(field.annotation)) if each is not None), None)
+    if field.description or not inspect.isclass(kind):
+        return field.description or ", ".join(map(repr, get_args(field.annotation)))
+    return (inspect.getdoc(kind) or "").partition("\n")[0] if issubclass(kind, BaseModel) else ""
+
+
+def _title(text: str, mark: str = "=") -> str:
+    return f"{text}\n{mark * len(text)}\n\n"
+
+
+def _plain(text: str) -> str:
+    """Return a comment as reStructuredText that means nothing else."""
+    return re.sub(r"([*|\\]|\w_\b)", lambda match: rf"\{match[0]}" if len(match[0]) == 1 else match[0][0] + r"\_", text)
+
+
+@functools.cache
+def _comments(file: Path) -> dict[str, str]:
+    """Return the comment beside each constant of a file, and each field of its classes as `Class.field`."""
+    with file.open("rb") as stream:
+        tokens = [t for t in tokenize.tokenize(stream.readline) if t.type == tokenize.COMMENT]
+    by_line = {token.start[0]: token.string.lstrip("# ") for token in tokens}
+    found = {}
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    owners = [("", tree), *((f"{node.name}.", node) for node in tree.body if isinstance(node, ast.ClassDef))]
+    for prefix, owner in owners:
+        for node in owner.body:
+            if isinstance(node, ast.AnnAssign | ast.Assign):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                text = by_line.get(node.lineno) or by_line.get(node.end_lineno or 0) or by_line.get(node.lineno - 1)
+                found |= {f"{prefix}{t.id}": text for t in targets if isinstance(t, ast.Name) and text}
+    return found
