@@ -60,7 +60,7 @@ class Name(NamedTuple):
             value = f"   :value: {shown}\n" if len(shown) <= MAX_VALUE and " at 0x" not in shown else ""
             return f".. py:data:: {path}\n{value}\n   {_plain(self.summary)}\n"
         if self.kind == "module":
-            return f".. py:module:: {self.value.__name__}\n\n{self.summary}\n"
+            return f"- ``{self.name}``: {_plain(self.summary)}\n"
         if self.kind == "function":
             return f".. autofunction:: {path}\n"
         fields = self.fields()
@@ -75,9 +75,9 @@ class Name(NamedTuple):
         """Return what is said of each field of a class: its description or its comment."""
         if issubclass(self.value, BaseModel):
             return {name: _described(field) for name, field in self.value.model_fields.items()}
-        own = self.value.__dict__.get("__annotations__", {})
+        own = inspect.get_annotations(self.value)
         comments = _comments(Path(inspect.getfile(self.value)))
-        return {name: comments.get(f"{self.value.__name__}.{name}", "") for name in own}
+        return {name: comments.get(f"{self.value.__name__}.{name}", "") for name in own if name[0] != "_"}
 
 
 def faces() -> dict[str, list[Name]]:
@@ -97,13 +97,14 @@ def room_pages() -> Iterator[tuple[str, str]]:
     """Yield the name of each page and its text, the index of all rooms first."""
     rooms = faces()
     heads = {room: inspect.getdoc(importlib.import_module(f"cranectl.{room}")) or "" for room in rooms}
-    listed = "".join(f"- :doc:`{room}`: {_plain(text.partition(chr(10))[0])}\n" for room, text in heads.items())
-    menu = "".join(f"   {room}\n" for room in rooms)
-    yield "index", (
-        f"{_title('Rooms of the core')}"
-        "For who works on cranectl: what each room of the core offers to the others. Names that are not on\n"
-        f":doc:`../api` may change in any version.\n\n{listed}\n.. toctree::\n   :hidden:\n\n{menu}"
+    listed = "".join(f"- :doc:`{room}`: {_plain(text.splitlines()[0])}\n" for room, text in heads.items())
+    introduction = (
+        "For who works on cranectl: what each room of the core offers to the others. Names that are not in\n"
+        "the :doc:`../api` may change in any version.\n"
     )
+    menu = "".join(f"   {room}\n" for room in rooms)
+    tree = f".. toctree::\n   :hidden:\n\n{menu}"
+    yield "index", f"{_title('Rooms of the core')}{introduction}\n{listed}\n{tree}"
     for room, names in rooms.items():
         parts = [_title(f"cranectl.{room}"), f"{heads[room]}\n"]
         for kind, title in TITLES.items():
@@ -127,7 +128,7 @@ def _title(text: str, mark: str = "=") -> str:
 
 def _plain(text: str) -> str:
     """Return a comment as reStructuredText that means nothing else."""
-    return re.sub(r"([*|\\]|\w_\b)", lambda match: rf"\{match[0]}" if len(match[0]) == 1 else match[0][0] + r"\_", text)
+    return re.sub(r"([*|\\]|_\b)", r"\\\1", text)
 
 
 @functools.cache
@@ -136,6 +137,7 @@ def _comments(file: Path) -> dict[str, str]:
     with file.open("rb") as stream:
         tokens = [t for t in tokenize.tokenize(stream.readline) if t.type == tokenize.COMMENT]
     by_line = {token.start[0]: token.string.lstrip("# ") for token in tokens}
+    above = {token.start[0]: by_line[token.start[0]] for token in tokens if token.line.lstrip()[0] == "#"}
     found = {}
     tree = ast.parse(file.read_text(encoding="utf-8"))
     owners = [("", tree), *((f"{node.name}.", node) for node in tree.body if isinstance(node, ast.ClassDef))]
@@ -143,6 +145,11 @@ def _comments(file: Path) -> dict[str, str]:
         for node in owner.body:
             if isinstance(node, ast.AnnAssign | ast.Assign):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-                text = by_line.get(node.lineno) or by_line.get(node.end_lineno or 0) or by_line.get(node.lineno - 1)
+                targets = [name for target in targets for name in getattr(target, "elts", [target])]
+                text = (
+                    by_line.get(node.lineno)
+                    or by_line.get(node.end_lineno or 0)
+                    or above.get(node.lineno - 1)
+                )
                 found |= {f"{prefix}{t.id}": text for t in targets if isinstance(t, ast.Name) and text}
     return found

@@ -16,7 +16,9 @@ PAGE = Path(__file__).resolve().parent / "explanation" / "reading.md"
 STOPS, MAX_LINES = 10, 1500
 # An entry of a list, such as: - [`FILE`](PATH): `Loop.run`, `BLOCK`. What to look at.
 # A file of which only the docstring is read has the name `__doc__`.
-ENTRY = re.compile(r"^- \[`[^\]]+`\]\(([^)]+)\)(?::\s+(`[\w.]+`(?:,\s+`[\w.]+`)*))?\.(?: .*)?\n(?:  .*\n)*", re.M)
+ENTRY = re.compile(
+    r"^- \[`[^\]]+`\]\(([^)]+)\)(?::\s+(`[\w.]+`(?:,\s+`[\w.]+`)*))?\.(?: .*)?\n(?:  .*\n)*", re.M
+)
 Node = ast.ClassDef | ast.FunctionDef | ast.Assign | ast.AnnAssign
 
 

@@ -32,14 +32,16 @@ def test_every_item_of_a_stop_is_understood() -> None:
 def page(tmp_path: Path) -> Path:
     (tmp_path / "code.py").write_text(
         '"""Say a thing."""\n\nSIZE = 2  # of it\n\n\nclass Box:\n    """Hold it."""\n\n    width: float\n\n'
-        "    @property\n    def area(self):\n        return self.width**2\n\n    def other(self):\n        pass\n",
+        "    @property\n    def area(self):\n        return self.width**2\n\n"
+        "    def other(self):\n        pass\n",
         encoding="utf-8",
     )
     return tmp_path / "page.md"
 
 
 def test_a_method_is_read_with_the_head_of_its_class(page: Path) -> None:
-    text = "## 1. One\n\n- [`code.py`](code.py): `SIZE`,\n  `Box.area`.\n  Look.\n- [`code.py`](code.py). Whole.\n"
+    part = "- [`code.py`](code.py): `SIZE`,\n  `Box.area`.\n  Look.\n"
+    text = f"## 1. One\n\n{part}- [`code.py`](code.py). All.\n"
     stops = reading.read_stops(text, page)
     first, whole = stops["1. One"]
     assert {name: len(lines) for name, lines in first.parts().items()} == {
