@@ -30,6 +30,7 @@ WHERE = {  # module and name of each controller, imported at first use
 }
 UDP = "udp://"  # prefix of the address of a controller in another process
 ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with controllers
+# The name of a controller that is a file, with an optional name in it.
 FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
 
 
@@ -155,7 +156,7 @@ class Controllers(Mapping[str, "Controller"]):
         return any(controller.alone for controller in _registered(names))
 
 
-ALL_CONTROLLERS = Controllers()
+ALL_CONTROLLERS = Controllers()  # by name
 
 
 def register_controller(controller: "Controller") -> None:

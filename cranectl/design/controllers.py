@@ -24,12 +24,12 @@ ROBUSTIFIERS = {
     "loop-shaping": ", robustified by loop shaping",
 }
 BY_HAND = ", gains by hand"  # end of the name of a design whose gains were changed
-TITLES = {
+TITLES = {  # by name
     f"{feedback}+{robustifier}".rstrip("+"): title + by
     for feedback, title in FEEDBACKS.items()
     for robustifier, by in ROBUSTIFIERS.items()
 }
-CONTROLLERS = tuple(TITLES)
+CONTROLLERS = tuple(TITLES)  # names of the flat family
 
 
 @checks_arguments

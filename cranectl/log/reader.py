@@ -300,17 +300,44 @@ class TopicDescription:
 
 @dataclass(frozen=True)
 class LogDescription:
-    """Size, format and topics of a log file."""
+    """Describe size, format and topics of a log file.
+
+    Parameters
+    ----------
+    path : str
+        The file, as it was named.
+    size_bytes : int
+        Its size [bytes].
+    format : str
+        Number of the format, which says what readers understand it.
+    every : int
+        Every n-th control sample is logged; in an overlay, of the first run.
+    duration_s : float
+        Time of the last message [s].
+    messages : int
+        Number of messages of all topics.
+    versions : dict of str to str
+        Versions of the software that made the runs, by package.
+    topics : tuple of TopicDescription
+        All topics.
+    attachments : dict of str to int
+        Sizes of the attached files [bytes], by name.
+
+    Raises
+    ------
+    InconsistentError
+        If numbers of the description contradict each other.
+    """
 
     path: str
     size_bytes: int
     format: str
-    every: int  # every n-th control sample is logged; in an overlay, of the first run
+    every: int
     duration_s: float
     messages: int
     versions: dict[str, str]
     topics: tuple[TopicDescription, ...]
-    attachments: dict[str, int]  # name: bytes
+    attachments: dict[str, int]
 
     def __post_init__(self) -> None:
         """Raise InconsistentError if the messages of the topics do not add up."""

@@ -67,10 +67,10 @@ class Contents:
     end: End | None = None  # None for a file that was not closed
     stop: int = len(MAGIC)  # [bytes] up to here all records are complete
     finished: bool = False  # whether the end of the data was reached
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    attachments: dict[str, Attachment] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=lambda: {0: NO_SCHEMA})
-    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # by name
+    attachments: dict[str, Attachment] = field(default_factory=dict)  # by name
+    schemas: dict[int, Schema] = field(default_factory=lambda: {0: NO_SCHEMA})  # by number
+    channels: dict[int, Channel] = field(default_factory=dict)  # by number
     messages: Counter[int] = field(default_factory=Counter)  # number of messages by channel
     repeated: set[str] = field(default_factory=set)  # names that several metadata or attachments have
     _definitions: dict[tuple[int, int], bytes] = field(default_factory=dict)

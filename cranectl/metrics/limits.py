@@ -43,10 +43,10 @@ def within(metric: str, values: Any, limit: float) -> Any:
 class LimitVerdict:
     """The value of a metric in one run, its limit, and whether the run keeps the limit."""
 
-    metric: str
+    metric: str  # name of the metric
     value: float | None  # None if the run does not have the metric
-    limit: float
-    kept: bool
+    limit: float  # largest or smallest allowed value
+    kept: bool  # whether the run keeps it
 
     @property
     def fault(self) -> str:

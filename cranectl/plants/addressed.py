@@ -28,13 +28,13 @@ from cranectl.support import (
 
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
-MEASURE, ADVANCE = 0, 1
+MEASURE, ADVANCE = 0, 1  # what a call asks of a plant
 
 
 class AddressedPlant(NamedTuple):
     """A plant in the form that compiled code steps; its caller must keep the handle alive."""
 
-    address: int
+    address: int  # of its compiled functions
     block: Array  # the packed handle
     warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
 

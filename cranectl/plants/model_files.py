@@ -15,7 +15,7 @@ from cranectl.plants.registry import (
 from cranectl.scenario import RigParameters
 from cranectl.support import InputError, check_free, check_name, loaded
 
-MODEL_ENDING = ".xml"
+MODEL_ENDING = ".xml"  # of a model file in MJCF
 LACKED = (
     "rope",
     "body",

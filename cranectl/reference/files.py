@@ -14,7 +14,7 @@ from cranectl.support import TICK_SECONDS, Array, InputError, open_input
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
-SI_FACTORS = {**TICK_SECONDS, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+SI_FACTORS = {**TICK_SECONDS, "m": 1.0, "cm": 1e-2, "mm": 1e-3}  # by unit of a column
 SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")
 TROLLEY_PATH = ("bridge_position", "trolley_position", "rope_length")

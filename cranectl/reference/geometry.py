@@ -31,8 +31,8 @@ POINTS_PER_SPAN = 20  # of a spline, between which its length is measured
 class Straight:
     """A straight line from `start` to `end` (3,) [m]."""
 
-    start: Array
-    end: Array
+    start: Array  # (3,) [m]
+    end: Array  # (3,) [m]
 
     def __call__(self, coordinates: list[Series]) -> list[Series]:
         """Return the series of x, y, z from the series of s."""
@@ -152,7 +152,7 @@ def extract_polynomial(curve: BPoly | BSpline, begin: float, end: float, length:
     return Polynomial(np.array(rows), length)
 
 
-LineOrArc: TypeAlias = Straight | Circular
+LineOrArc: TypeAlias = Straight | Circular  # parts of a chain
 PathSegment = Straight | Circular | Polynomial
 
 
@@ -190,7 +190,7 @@ class Chain:
         ]
 
 
-Geometry = Straight | Circular | Chain
+Geometry = Straight | Circular | Chain  # of a segment
 
 
 @dataclass(frozen=True)

@@ -52,9 +52,9 @@ UNUSED = {
 class RunKind(NamedTuple):
     """Plant, drives and controller of a run."""
 
-    plant: str
-    drive: Drive
-    controller: str
+    plant: str  # name
+    drive: Drive  # kind of drive
+    controller: str  # name
 
 
 def idle_settings(

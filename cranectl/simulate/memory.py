@@ -15,7 +15,7 @@ from cranectl.simulate.run import Run, groups_of
 from cranectl.simulate.signal_path import has_signal_path
 from cranectl.support import InputError, exact_seconds
 
-MAX_BYTES = 2**30
+MAX_BYTES = 2**30  # of memory that runs may take at a time
 MAX_PLANS_BYTES = 8 * MAX_BYTES  # of many cranes that a program steps together
 NUMBER = 8  # [bytes]
 COMMAND_UNDER_WAY = 3  # numbers for each sample of the delay

@@ -12,15 +12,15 @@ COLOURS = {
     "series-3": ("#0c7d59", "#48d3a3"),
     "series-4": ("#9b3586", "#e892d5"),
 }
-LIGHT = {role: pair[0] for role, pair in COLOURS.items()}
-SLACK_ROPE = "#ff400d"
+LIGHT = {role: pair[0] for role, pair in COLOURS.items()}  # on a light page, by role
+SLACK_ROPE = "#ff400d"  # of a rope without tension
 
 # In viewers, whose ground is light or dark: these are seen on both.
 VIEWER_SERIES = (
     "#4e98e2", "#f5774d", "#5cd6a9", "#f7df71", "#c792ea", "#ff7d7d",
     "#4ed8da", "#b5bd68", "#e88fbf", "#9a8bff", "#c9a27e", "#a6e22e", "#d33682",
 )  # fmt: skip
-VIEWER = {
+VIEWER = {  # in a viewer, by role
     **{f"series-{k}": colour for k, colour in enumerate(VIEWER_SERIES, 1)},
     "reference": "#9aa3ad",
     "rope": "#8c9eb3",

@@ -13,7 +13,7 @@ from typing import Any
 from cranectl.support.errors import InputError
 from cranectl.support.files import open_input
 
-Table = dict[str, Any]
+Table = dict[str, Any]  # of a TOML or JSON document
 
 # Scenarios, campaigns and designs have some thousands; a MiB takes half a second to parse.
 MAX_DOCUMENT_BYTES = 2**20

@@ -19,6 +19,7 @@ from cranectl.support.errors import printable
 
 SLOW = 10.0  # [s] after which unfinished work is reported
 RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
+# Signals that end a command.
 SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 

@@ -10,10 +10,10 @@ Outcome = Literal["passed", "failed", "error"]  # error: no result
 class JUnitCase(NamedTuple):
     """One test; `lines` say why it did not pass, the first as its summary."""
 
-    group: str
-    name: str
-    kind: Outcome
-    lines: Sequence[str] = ()
+    group: str  # such as the scenario
+    name: str  # of the case
+    kind: Outcome  # how it ended
+    lines: Sequence[str] = ()  # what is told of it
 
 
 def junit_text(cases: Sequence[JUnitCase], command: str) -> str:

@@ -21,8 +21,9 @@ from typing import Any
 from cranectl.support import Shipped
 from cranectl.support.extensions import COUNTED
 
+# Packages whose versions a log has.
 PACKAGES = ("cranectl", "mujoco", "numpy", "scipy", "numba", "llvmlite", "control", "ctrlsys", "foxglove-sdk")
-FINGERPRINTS = ("sources", "models", "data")
+FINGERPRINTS = ("sources", "models", "data")  # of our own files, in the order of logs
 HARMLESS = ("python", "foxglove-sdk")  # versions that affect no number of a run
 UNKNOWN = "unknown"  # of what wrote it before it said so
 INSTALLED = ("site-packages", "dist-packages")  # folders of packages

@@ -12,10 +12,10 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError, describe_error
 from cranectl.support.tables.stamps import seconds_of_stamps
 
-MAX_COLUMN_LENGTH = 20_000_000
+MAX_COLUMN_LENGTH = 20_000_000  # rows
 MAX_EXACT_INTEGER = 2**53  # up to here a float represents every integer
 TICK_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s], of time stamps
-READABLE = "CSV, Parquet, MCAP, MATLAB (.mat), HDF5, Excel (.xlsx) or a ROS bag"
+READABLE = "CSV, Parquet, MCAP, MATLAB (.mat), HDF5, Excel (.xlsx) or a ROS bag"  # for messages
 
 Key = int | str  # of a column: its number from 1 on, or its name
 
