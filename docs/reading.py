@@ -105,7 +105,8 @@ def with_code(text: str, page: Path = PAGE) -> str:
         for name, lines in entry.parts().items():
             code = entry.code(lines).replace("\n", "\n  ")
             language = {".py": "python"}.get(entry.file.suffix, "text")
-            summary = f"<summary><code>{name}</code>, {len(lines)} lines</summary>"
+            count = f"{len(lines)} line{'s' * (len(lines) > 1)}"
+            summary = f"<summary><code>{name}</code>, {count}</summary>"
             blocks.append(f"\n  <details>{summary}\n\n  ~~~~{language}\n  {code}\n  ~~~~\n\n  </details>\n")
         return match[0] + "".join(blocks) + "\n"
 
