@@ -21,6 +21,7 @@ from cranectl.campaign.benchmark.settings import read_benchmark
 from cranectl.campaign.benchmark.table import read_table
 from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import write_page
+from docs import api_pages, reading
 from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations
 
@@ -39,7 +40,7 @@ RENAMED = {
 GALLERY = {"docs/gallery/README.rst": "examples/index.rst"}  # which sphinx-gallery writes
 BUILT = {  # pages that only the site has, by section
     "Reference": [
-        "- [Python API](reference/api.rst)",
+        "- [Python API](reference/api.rst), [rooms of the core](reference/rooms/index.rst)",
         "- [options of all commands](reference/command-line.rst)",
     ],
     "Proofs": [
@@ -112,17 +113,20 @@ def write_data_pages(source: Path) -> None:
 def stage(source: Path) -> None:
     """Write all that Sphinx reads into an empty folder."""
     shutil.rmtree(source, ignore_errors=True)
-    shutil.copytree(
-        DOCS,
-        source,
-        ignore=shutil.ignore_patterns("*.md", "__pycache__", "build.py", "figures.py", "reference_pages.py"),
-    )
+    scripts = [path.name for path in DOCS.glob("*.py") if path.name != "conf.py"]
+    shutil.copytree(DOCS, source, ignore=shutil.ignore_patterns("*.md", "__pycache__", *scripts))
     write_data_pages(source)
+    rooms = source / "reference" / "rooms"
+    rooms.mkdir()
+    for name, text in api_pages.room_pages():
+        (rooms / f"{name}.rst").write_text(text, encoding="utf-8")
     index = DOCS / "index.md"
     pages = [path for path in DOCS.rglob("*.md") if path != index] + [ROOT / name for name in RENAMED]
     for page in pages:
         new = staged_path(page)
         text = move_links(page.read_text(encoding="utf-8"), page, new, source)
+        if page == reading.PAGE:
+            text = reading.with_code(text, source / new)
         (source / new).write_text(text, encoding="utf-8")
     menu = []
     for title, links in read_sections(index.read_text(encoding="utf-8")).items():

@@ -30,10 +30,10 @@ Progress = Callable[[float], None]  # called with the simulated seconds since th
 class AgreementLimits:
     """Largest allowed differences of two plants, with the reason for them."""
 
-    load_m: float
-    angle_rad: float
+    load_m: float  # of the load [m]
+    angle_rad: float  # of a cardan angle [rad]
     end_s: float  # between the ends of runs that stop early
-    reason: str
+    reason: str  # why they are as large as they are
     order: int = ORDER  # of the difference in control.physics_step
 
     @staticmethod
@@ -52,7 +52,7 @@ class AgreementLimits:
 class NoLimits:
     """The allowed difference is not known, so it is reported and not judged."""
 
-    reason: str
+    reason: str  # why nothing is judged
 
 
 # By a plant and the one it is compared with.

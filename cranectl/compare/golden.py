@@ -43,15 +43,15 @@ class SignalVerdict:
 class RegressionVerdict:
     """Verdict on a new run compared with the golden run of the same plant."""
 
-    plant: str
+    plant: str  # the plant of both runs
     samples: int  # number of compared samples
-    status: str
-    golden_status: str
-    end_difference_s: float
-    end_difference_limit_s: float
-    signals: tuple[SignalVerdict, ...]
-    same_status: bool
-    ends_passed: bool
+    status: str  # how the new run ended
+    golden_status: str  # how the golden run ended
+    end_difference_s: float  # of the times of both ends [s]
+    end_difference_limit_s: float  # its limit [s]
+    signals: tuple[SignalVerdict, ...]  # a verdict on each signal
+    same_status: bool  # whether both ended alike
+    ends_passed: bool  # whether both ended at the same time, to the limit
     without_numbers: tuple[str, ...] = ()  # limited signals that have no finite number in either run
 
     @property

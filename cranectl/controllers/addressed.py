@@ -29,7 +29,7 @@ class CompiledController(NamedTuple):
     """A controller in the form that the loop runs: its constants, then its memories."""
 
     address: int  # of its step; 0 until `bound` sets it
-    parameters: Array
+    parameters: Array  # the controller's constants
     reference: Array  # (N + preview, 15); after its end the last row is repeated
     samples: int  # N
     every: int  # control periods between two steps

@@ -169,11 +169,11 @@ class LinearController(NamedTuple):
 class Sizes(NamedTuple):
     """Sizes of the arrays that a step receives."""
 
-    parameters: int
-    measured: int
+    parameters: int  # numbers of the parameters
+    measured: int  # numbers of a measurement
     reference: int  # all rows
-    memory: int
-    command: int
+    memory: int  # numbers of the memory
+    command: int  # numbers of a command
 
 
 @dataclass(frozen=True)

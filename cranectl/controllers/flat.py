@@ -44,7 +44,7 @@ class Tracker(NamedTuple):
     state_matrix: Array  # (4 n,), see design.discretisation.SampledBlocks
     input_matrix: Array  # (2 n,)
     output_matrix: Array  # (2 n,)
-    feedthrough: float
+    feedthrough: float  # from the error to v-bar [1/s⁴]
     period: float  # [s]
     gravity: float  # [m/s²]
 

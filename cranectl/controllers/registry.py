@@ -149,7 +149,7 @@ class Controllers(Mapping[str, "Controller"]):
         return any(controller.alone for controller in _registered(names))
 
 
-ALL_CONTROLLERS = Controllers()
+ALL_CONTROLLERS = Controllers()  # by name
 
 
 def register_controller(controller: "Controller") -> None:

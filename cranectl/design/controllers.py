@@ -25,7 +25,7 @@ TITLES = {
     for feedback, title in FEEDBACKS.items()
     for robustifier, by in ROBUSTIFIERS.items()
 }
-CONTROLLERS = tuple(TITLES)
+CONTROLLERS = tuple(TITLES)  # names of the flat family
 
 
 @Arguments.checked

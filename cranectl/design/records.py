@@ -32,7 +32,7 @@ class Robustifier:
     a: Array  # (n, n)
     b: Array  # (n,)
     c: Array  # (n,)
-    d: float
+    d: float  # [1/s⁴]
 
     @property
     def order(self) -> int:
@@ -140,12 +140,24 @@ class Origin(NamedTuple):
 
 @dataclass(frozen=True)
 class ControllerDesign:
-    """A controller with its settings, as runs and logs record it."""
+    """Hold a controller with its settings, as runs and logs record it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the controller.
+    parameters : Mapping
+        Values of the parameters that it declares, by name, each in the unit of its declaration.
+    signals : tuple of Signal
+        Signals of its own that it logs.
+    origin : Origin or None
+        The file that it comes from; None for a controller of a package.
+    """
 
     name: str
     _: KW_ONLY
     parameters: Mapping[str, Value] = field(default_factory=dict, hash=False)
-    signals: tuple[Signal, ...] = ()  # signals of its own that it logs
+    signals: tuple[Signal, ...] = ()
     origin: Origin | None = None
 
     @property

@@ -27,9 +27,9 @@ WITH_LAST_SAMPLE = (RunStatus.COMPLETED, RunStatus.INTERRUPTED)  # runs that hav
 class Outcome:
     """How a run ended."""
 
-    status: RunStatus
-    end_ns: int
-    samples: int
+    status: RunStatus  # how the run ended
+    end_ns: int  # when it ended [ns]
+    samples: int  # logged samples
 
     @classmethod
     def of(cls, run: Run) -> "Outcome":

@@ -25,7 +25,34 @@ class TopicDescription:
 
 @dataclass(frozen=True)
 class LogDescription:
-    """Size, format and topics of a log file."""
+    """Describe size, format and topics of a log file.
+
+    Parameters
+    ----------
+    path : str
+        The file, as it was named.
+    size_bytes : int
+        Its size [bytes].
+    format : str
+        Number of the format, which says what readers understand it.
+    every : int
+        Every n-th control sample is logged; in an overlay, of the first run.
+    duration_s : float
+        Time between the first and the last message [s].
+    messages : int
+        Number of messages of all topics.
+    versions : dict of str to str
+        Versions of the software that made the runs, by package.
+    topics : tuple of TopicDescription
+        All topics.
+    attachments : dict of str to int
+        Sizes of the attached files [bytes], by name.
+
+    Raises
+    ------
+    InconsistentError
+        If the messages of the topics do not add up.
+    """
 
     path: str
     size_bytes: int

@@ -20,10 +20,10 @@ DIGEST_DIGITS = 12  # of the digest of a file
 class Event:
     """One line of the log's text topic."""
 
-    time_ns: int
-    source: str
-    message: str
-    warning: bool = False
+    time_ns: int  # [ns]
+    source: str  # the plant, or the name of the scenario
+    message: str  # for people
+    warning: bool = False  # whether it is shown as a warning
 
 
 # Kind of the reference's present segment; planned and fitted ones have the requested kind, and ADDED comes
@@ -48,12 +48,12 @@ Saturated = IntEnum(
 class StatusChange:
     """The status of a run from a time on."""
 
-    time_ns: int
-    status: RunStatus
-    inside_workspace: bool
-    phase: Phase
-    disturbed: Disturbed
-    saturated: Saturated
+    time_ns: int  # [ns]
+    status: RunStatus  # from then on
+    inside_workspace: bool  # whether all axes are in their ranges
+    phase: Phase  # of the reference
+    disturbed: Disturbed  # whether a disturbance acts
+    saturated: Saturated  # whether a limit of the drives acts
 
 
 class Conditions(NamedTuple):
@@ -61,7 +61,7 @@ class Conditions(NamedTuple):
 
     outside: tuple[bool, ...] = (False,) * 3  # whether bridge, trolley and rope are outside their ranges
     limited: int = 0  # drives that have reached their limits at any time, as `Saturated`
-    slack: bool = False
+    slack: bool = False  # whether the rope was slack
 
 
 def saturation(run: Run) -> NDArray[np.int64]:

@@ -42,7 +42,7 @@ LABEL = re.compile(rf"[A-Za-z0-9][A-Za-z0-9_+-]{{,{MAX_LABEL - 1}}}")
 class Layer:
     """A run of a log, with the facts that the log holds about it."""
 
-    run: Run
+    run: Run  # what the label names
     every: int  # every n-th control sample is logged
     versions: Mapping[str, str]  # of the software that made it
     from_ns: int | None = None  # start of a segment of a live session

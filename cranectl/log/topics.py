@@ -33,12 +33,12 @@ FIELD_TYPES = {str: Field.TYPE_STRING, bool: Field.TYPE_BOOL}  # all others are 
 class Stream:
     """All messages of one topic in the order of time."""
 
-    topic: str
-    schema_name: str
+    topic: str  # such as /mujoco/state
+    schema_name: str  # such as cranectl.State
     schema: bytes  # FileDescriptorSet
-    time_ns: NDArray[np.int64]
-    messages: Sequence[bytes]
-    metadata: dict[str, str] = field(default_factory=dict)
+    time_ns: NDArray[np.int64]  # (n,) [ns]
+    messages: Sequence[bytes]  # n encoded messages
+    metadata: dict[str, str] = field(default_factory=dict)  # units and meanings of its signals
     encoding: str = "protobuf"  # of messages
     schema_encoding: str = "protobuf"  # empty if there is no schema
 

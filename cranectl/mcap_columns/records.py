@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cranectl.support import jit
 
-MAGIC = b"\x89MCAP0\r\n"
+MAGIC = b"\x89MCAP0\r\n"  # begins and ends a file
 PREFIX = struct.Struct("<BQ")  # opcode, length of the body that follows
 MAX_RECORD = 64 * 2**20  # [bytes] cranectl itself writes chunks of up to 64 KiB
 BUFFER = 2**20  # [bytes] read at a time
@@ -151,7 +151,7 @@ Integers = NDArray[np.int64]
 class Content:
     """The records of a chunk."""
 
-    data: Bytes
+    data: Bytes  # of the record
     table: Integers  # (N, 4): channel, time [ns], start, stop of each message
     definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
 

@@ -55,10 +55,10 @@ Limits = create_model("Limits", __base__=_Limits, **_LIMITED)
 class LimitVerdict:
     """The value of a metric in one run, its limit, and whether the run keeps the limit."""
 
-    metric: str
+    metric: str  # name of the metric
     value: float | None  # None if the run does not have the metric
-    limit: float
-    kept: bool
+    limit: float  # largest or smallest allowed value
+    kept: bool  # whether the run keeps it
 
     @classmethod
     def judge(cls, metrics: RunMetrics | None, limits: Mapping[str, float]) -> "tuple[LimitVerdict, ...]":

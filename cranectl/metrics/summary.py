@@ -15,9 +15,9 @@ OUTSIDE = ("outside_first_s", "outside_excess_m", "outside_time_s")  # JSON has 
 class WorkspaceViolation:
     """When, how far and how long bridge, trolley or rope was outside its range."""
 
-    signal: str
-    first_time_s: float
-    max_excess_m: float
+    signal: str  # position of the axis
+    first_time_s: float  # [s]
+    max_excess_m: float  # [m]
     time_outside_s: float  # sum of all times outside
 
 

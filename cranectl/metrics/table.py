@@ -62,17 +62,17 @@ class Metric:
     """
 
     name: str  # ends with its unit: max_error_m
-    symbol: str
-    unit: str
+    symbol: str  # in formulas; may be empty
+    unit: str  # SI unit
     meaning: str  # a phrase; describes the columns of results
     definition: str  # as a formula, for docs
     value: Callable[[Measured], Any]  # returns a number, array or tuple, or None if the run has no value
-    better: Literal["lower", "higher", ""] = ""
-    parts: tuple[str, ...] = ()
-    row: Row = NOT_SHOWN
+    better: Literal["lower", "higher", ""] = ""  # side on which a run is better; empty: neither
+    parts: tuple[str, ...] = ()  # such as the axes; empty: a single number
+    row: Row = NOT_SHOWN  # in the table of a run
     compared: str = ""  # its name in comparisons of a campaign; empty if they leave it out
     recorded: bool = True  # whether JSON and results have it; False if other metrics hold the same numbers
-    kernel: Kernel | None = None
+    kernel: Kernel | None = None  # if no total of all metrics holds it
     start: tuple[float, ...] = ()  # initial values of the kernel's own numbers
 
     @property
@@ -110,7 +110,7 @@ class Metric:
 
 TAKEN = ("status", "duration_s", "workspace_violations", "values", "sample", "reason", "end_s")
 
-DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")
+DRIVES, ANGLES = ("bridge", "trolley", "rope"), ("alpha", "beta")  # parts of metrics
 
 
 def _total(field: str) -> Callable[[Measured], Any]:

@@ -27,7 +27,8 @@ Matrix = NDArray[np.float64]
 def angular_accelerations(rope_length, rope_rate, alpha, alpha_rate, beta, beta_rate, u_x, u_y, gravity):
     """Return (alpha'', beta'') [rad/s²] at the accelerations u_x, u_y of bridge and trolley [m/s²].
 
-    This is the corrected (2.12). It contains no masses. It needs rope_length > 0 and |beta| < pi/2.
+    This is the corrected (2.12). It contains no masses. It needs rope_length > 0, and beta within
+    -pi/2 and pi/2.
     """
     sa, ca, sb, cb = sin(alpha), cos(alpha), sin(beta), cos(beta)
     alpha_ddot = (
@@ -79,9 +80,9 @@ class AxisMasses(NamedTuple):
 
     bridge: float  # bridge and trolley, along x
     trolley: float  # along y
-    winch: float
-    load: float
-    gravity: float
+    winch: float  # of the winch, as a mass at the rope
+    load: float  # of the load
+    gravity: float  # [m/s²]
 
 
 def axis_masses(rig: RigParameters) -> AxisMasses:

@@ -24,7 +24,7 @@ array_at = Block.array_at  # compiled code looks up no members
 class AddressedPlant(NamedTuple):
     """A plant in the form that compiled code steps; its caller must keep the handle alive."""
 
-    address: int
+    address: int  # of its compiled functions
     block: Array  # the packed handle
     warned: NDArray[np.int64]  # (1,) numerical warnings by the end of the last period
 

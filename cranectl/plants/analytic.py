@@ -194,7 +194,7 @@ class AnalyticPlant:
     """The Lagrange model behind the plant interface."""
 
     name = "analytic"
-    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)
+    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)  # for the compiled loop
     description = "cranectl.model.dynamics, fixed-step DOP853"
 
     def __init__(

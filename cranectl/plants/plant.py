@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from cranectl.scenario import EffectSettings, RigParameters, Scenario, longest_step
 from cranectl.support import Array, InputError, Quantity
 
-Drive = Literal["ideal", "velocity", "force"]
+Drive = Literal["ideal", "velocity", "force"]  # kind of drive
 
 Triple = tuple[float, float, float]  # of bridge, trolley, winch
 
@@ -129,7 +129,7 @@ class Kernels(NamedTuple):
 
 
 class Plant(Protocol):
-    """A crane that can be simulated. All arrays are in SI units, states in the order of `signals.STATE`.
+    """Simulate a crane. All arrays are in SI units, states in the order of `signals.STATE`.
 
     The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives, a velocity set-point [m/s]
     with velocity drives, and a force [N] with force drives; that of the winch is positive when it pays out.
@@ -137,8 +137,8 @@ class Plant(Protocol):
     (x, y, z) [m/s] and another force on the load (x, y, z) [N]. If it is not zero, `effects` has a wind.
     """
 
-    name: str
-    drive: Drive
+    name: str  # as `--plants` takes it
+    drive: Drive  # kind of drive of the run
     kernels: Kernels | None  # None for a plant that is stepped from Python
 
     @property
@@ -170,10 +170,19 @@ class Plant(Protocol):
         """Write the joint positions and velocities (10,) into `state`."""
 
     def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
-        """Advance by one control period under `command` (3,), `disturbance` (2,) and `wind` (6,).
+        """Advance by one control period.
 
-        Write world position, velocity and rope tension of the load into `load` (7,). They hold at the start
-        of the period, under the new command.
+        Parameters
+        ----------
+        command : ndarray, shape (3,)
+            For bridge, trolley and winch, in the unit of the kind of drive.
+        disturbance : ndarray, shape (2,)
+            Added to the accelerations of alpha and beta [rad/s²].
+        wind : ndarray, shape (6,)
+            Velocity of the air [m/s] and another force on the load [N].
+        load : ndarray, shape (7,)
+            Receives position [m] and velocity [m/s] of the load in the world, and tension of the rope [N].
+            They hold at the start of the period, under the new command.
         """
 
     def warnings(self) -> int:

@@ -317,7 +317,7 @@ _SLIDES = "whose joints have viscous friction only"
 
 _own = functools.partial(PlantEntry, drives=tuple(DRIVES), servos=True)
 
-PLANTS = Plants(
+PLANTS = Plants(  # by name
     _own(
         "analytic",
         "analytic",

@@ -38,8 +38,8 @@ def longest_agreeing_step(rig: RigParameters, drive: Drive) -> float:
 class PhysicsStep(NamedTuple):
     """The physics step of a run of `scenario` with `drive`."""
 
-    scenario: Scenario
-    drive: Drive
+    scenario: Scenario  # what is run
+    drive: Drive  # kind of drive
 
     @property
     def longest(self) -> float:

@@ -99,8 +99,8 @@ class Geometry(ABC):
 class Straight(Geometry):
     """A straight line from `start` to `end` (3,) [m]."""
 
-    start: Array
-    end: Array
+    start: Array  # (3,) [m]
+    end: Array  # (3,) [m]
 
     def __call__(self, coordinates: list[Series]) -> list[Series]:
         """Return the series of x, y, z from the series of s."""

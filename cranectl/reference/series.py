@@ -13,8 +13,8 @@ class Series(list[Number]):
     """Coefficients f, f', f''/2!, f'''/3!, … of a function of time; one computes with them as with numbers.
 
     Sums, products and quotients of two series have the length of the shorter one. A number that is added or
-    subtracted is a constant. Coefficients need +, -, *, / and the functions that are used: NumPy arrays have
-    them, and the numbers of `planning.arithmetic`.
+    subtracted is a constant. Coefficients need the operators `+`, `-`, `*`, `/`, and the functions that are
+    used: NumPy arrays have them, and the numbers of `planning.arithmetic`.
     """
 
     @classmethod

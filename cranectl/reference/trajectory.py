@@ -44,8 +44,8 @@ class Path(Protocol):
 class HoldPath:
     """Stay at `point`."""
 
-    point: Array
-    duration: float
+    point: Array  # (3,) [m]
+    duration: float  # [s]
 
     def sample(self, time: Array) -> Array:
         rows = np.zeros((len(time), 5, 3))
@@ -111,7 +111,7 @@ class SplinePath:
 
     breaks: Array  # (spans + 1,) knots, each once [s]
     coefficients: Array  # (spans + degree, 3) [m]
-    degree: int
+    degree: int  # of the polynomials
 
     @property
     def duration(self) -> float:
@@ -133,7 +133,15 @@ class SplinePath:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A sequence of segments, after which the load stays at the last end point."""
+    """Follow a sequence of segments, after which the load stays at the last end point.
+
+    Parameters
+    ----------
+    start : ndarray, shape (3,)
+        First position of the load (x, y, z) in the world [m].
+    paths : tuple of Path
+        Motions on the segments. Each begins where the one before ends.
+    """
 
     start: Array
     paths: tuple[Path, ...]
@@ -183,9 +191,17 @@ class Trajectory:
         return np.array([0.0, *np.cumsum([path.duration for path in self.paths])])
 
     def sample(self, time: Array) -> Array:
-        """Return desired load position and four derivatives (N, 15): (z, z', z'', z''', z'''').
+        """Return the desired position of the load and four derivatives.
 
-        `time` (N,) counts from 0 [s]. At a joint the later segment counts.
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            Time from the start of the reference [s]. At a joint the later segment counts.
+
+        Returns
+        -------
+        ndarray, shape (N, 15)
+            z, z', z'', z''' and z'''' [m, m/s, ... m/s⁴], each with three axes.
         """
         time = np.asarray(time, dtype=np.float64)
         rows = np.zeros((len(time), 5, 3))

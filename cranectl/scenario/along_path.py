@@ -134,4 +134,4 @@ class BlendedPath(AlongPath):
         return self
 
 
-Along = Line | Arc | BlendedPath
+Along = Line | Arc | BlendedPath  # segments with a geometric path

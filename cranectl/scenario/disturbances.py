@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from cranectl.scenario.settings import MAX_DURATION, Duration, RuleError, Settings, Triple
 
-NANOSECONDS = 1_000_000_000
+NANOSECONDS = 1_000_000_000  # in a second
 Newtons = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 

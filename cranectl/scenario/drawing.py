@@ -39,7 +39,7 @@ class Portal(NamedTuple):
 class Drawing:
     """The drawing of a rig: its kind, its sizes, and where its parts and its cameras are."""
 
-    rig: RigParameters
+    rig: RigParameters  # what is drawn
 
     @property
     def ends(self) -> Array:

@@ -340,7 +340,7 @@ class EffectSettings(Settings):
         return tuple(name for name, effect in self if effect is not None)
 
 
-EFFECTS: dict[str, type[Effect]] = {
+EFFECTS: dict[str, type[Effect]] = {  # classes by name
     k: type(model_field.default) for k, model_field in EffectNumbers.model_fields.items()
 }
 NO_EFFECTS = EffectSettings()

@@ -47,7 +47,7 @@ def _name(spline: Spline) -> str:
 class HeldFiles:
     """The files of `Scenario.held_files`, kept in a directory beside the table of the scenario."""
 
-    directory: Path
+    directory: Path  # that names of files are relative to
 
     def write(self, files: Mapping[str, bytes]) -> None:
         """Write `files` into the directory; raise OSError."""

@@ -34,10 +34,10 @@ class RigNumber(NamedTuple):
 class RigOrigins(NamedTuple):
     """A rig with the origin of its numbers, and the factors by which those that nobody states are scaled."""
 
-    rig: RigParameters
-    numbers: tuple[RigNumber, ...]
-    length: float
-    mass: float
+    rig: RigParameters  # the rig
+    numbers: tuple[RigNumber, ...]  # its numbers, each with its origin
+    length: float  # size over the laboratory rig's
+    mass: float  # mass over the laboratory rig's
 
     @property
     def stated(self) -> int:

@@ -55,7 +55,12 @@ class ReferenceSettings(Settings):
 
 
 class Scenario(Settings):
-    """A run: reference, disturbances, rig and settings."""
+    """Describe a run: reference, disturbances, rig and settings.
+
+    Its fields are the tables of a scenario file, in SI units. It is immutable, and checked when it is made:
+    all times are multiples of the control period and end within the run. `read_scenario` turns what is
+    wrong into an InputError.
+    """
 
     MIN_PERIOD: ClassVar[float] = MIN_DURATION  # [s] of the control loop
     MAX_SECONDS: ClassVar[float] = MAX_DURATION  # of a run

@@ -287,7 +287,7 @@ def _kind_of(segment: Any) -> str | None:
     return kind if kind in OWN else "added" if isinstance(kind, str) else None
 
 
-Segment = Annotated[
+Segment = Annotated[  # of a reference, of any kind
     Annotated[Hold, Tag("hold")]
     | Annotated[Line, Tag("line")]
     | Annotated[Arc, Tag("arc")]

@@ -21,8 +21,8 @@ class Scaled:
     It is an annotation of a field. A list has one annotation for all its numbers, or one for each.
     """
 
-    length: float = 0.0
-    mass: float = 0.0
+    length: float = 0.0  # power of the relative length
+    mass: float = 0.0  # power of the relative mass
 
     def factor(self, length: float, mass: float = 1.0) -> float:
         """Return the factor on the number if lengths and masses have these factors."""
@@ -90,7 +90,7 @@ TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " 
 
 MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
 MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
-Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]
+Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]  # [s]
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]
 Point2 = Pair[Position]
 Point3 = Triple[Position]

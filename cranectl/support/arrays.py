@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Array = NDArray[np.float64]  # of floats
+Mask = NDArray[np.bool_]  # of truth values
 
 CERTAIN_DIGITS = 8  # of a gain from a Riccati equation or another optimisation; later ones are rounding
 NEGLIGIBLE_PLACE = 12  # decimal places below the first digit of an array's largest number

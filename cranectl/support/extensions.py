@@ -12,13 +12,13 @@ from cranectl.support.errors import InputError
 class Extensions:
     """Objects of one kind that other packages add, as entry points of a group."""
 
-    group: str
+    group: str  # group of entry points
 
-    METRICS: ClassVar["Extensions"]
-    PLANTS: ClassVar["Extensions"]
-    CONTROLLERS: ClassVar["Extensions"]
-    SEGMENTS: ClassVar["Extensions"]
-    EXPORTERS: ClassVar["Extensions"]
+    METRICS: ClassVar["Extensions"]  # metrics
+    PLANTS: ClassVar["Extensions"]  # plants
+    CONTROLLERS: ClassVar["Extensions"]  # controllers
+    SEGMENTS: ClassVar["Extensions"]  # kinds of segments
+    EXPORTERS: ClassVar["Extensions"]  # formats of export
 
     def join(self, own: Mapping[str, Any], kind: type[Any], *, taken: Collection[str] = ()) -> dict[str, Any]:
         """Return the objects `own` by name, then those that installed packages declare.

@@ -78,7 +78,7 @@ class ElasticPlant:
     """The elastic crane behind the plant interface."""
 
     name = "elastic"
-    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)
+    kernels: Kernels | None = Kernels(measure_joints, advance, no_warnings)  # for the compiled loop
     description = "cranectl.plants.elastic, fixed steps of the method of Dormand and Prince of order 5"
 
     def __init__(
