@@ -53,7 +53,17 @@ PACKAGE = ("cranectl/**/*.py", "validation/**/*.py")  # for tests that run many 
 PACKAGE_DATA = ("cranectl/**/*", "validation/**/*")
 RESULTS = tuple(f"validation/{name}/**/*" for name in ("performance", "proofs", "thesis"))  # pages read them
 PAGES = ("docs/**/*", "examples/**/*", "*.md", "LICENSE", "CITATION.cff", "pyproject.toml")
-TOOLS = ("analysis", "campaign", "cases", "export", "fuzz", "live", "loaders", "measured", "render", "report")
+TOOLS = (
+    "tools/robustness",
+    "campaign",
+    "cases",
+    "tools/export",
+    "fuzz",
+    "tools/live",
+    "loaders",
+    "tools/measured",
+)
+TOOLS += ("tools/render", "report")
 SETS = {
     "tools": Set(
         modules=(*PACKAGE, *(f"tests/{name}/**/*.py" for name in TOOLS)),
@@ -73,17 +83,17 @@ SETS = {
     "literature": Set(
         modules=(
             "tests/benchmark/*.py",
-            "tests/campaign/benchmark/*.py",
+            "tests/tools/benchmark/*.py",
             "validation/benchmark/**/*.py",
-            "cranectl/cli/benchmark.py",
-            "cranectl/cli/campaign/*.py",
-            "cranectl/cli/tune.py",
+            "cranectl/tools/benchmark/commands/benchmark.py",
+            "cranectl/campaign/commands/*.py",
+            "cranectl/tools/benchmark/commands/tune.py",
         ),
         data=(
             "docs/reference/standings.md",
             "validation/benchmark/**/*",
             "cranectl/report/templates/*",
-            "cranectl/export/templates/*",
+            "cranectl/tools/export/templates/*",
             "docs/how-to/benchmark.md",
         ),
     ),
@@ -97,7 +107,7 @@ SETS = {
         data=("docs/reference/metrics.md", "docs/reference/standings.md", *PACKAGE_DATA, "tests/**/*"),
         without=(
             *RESULTS,
-            *(f"tests/{name}/**/*" for name in ("docs", "thesis", "drake", "live", "planning")),
+            *(f"tests/{name}/**/*" for name in ("docs", "tools/thesis", "drake", "tools/live", "planning")),
         ),
     ),
     "viewer": Set(

@@ -17,10 +17,10 @@ import sys
 import tomllib
 from pathlib import Path
 
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.table import read_table
-from cranectl.report.benchmark.page import benchmark_page
 from cranectl.report.page import write_page
+from cranectl.tools.benchmark.report.page import benchmark_page
+from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.table import read_table
 from docs import api_pages, reading
 from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations

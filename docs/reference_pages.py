@@ -18,9 +18,6 @@ from typing import Any
 
 from google.protobuf import descriptor_pb2
 
-from cranectl.campaign.benchmark.ranking import Judged
-from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
-from cranectl.campaign.benchmark.table import read_table
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import MEANINGS
 from cranectl.cli.list import DOCUMENTS, json_schema
@@ -29,15 +26,18 @@ from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
-from cranectl.report.benchmark.opening import caveats, conclusions, tuning_tables
-from cranectl.report.benchmark.page import judged_divisions
-from cranectl.report.benchmark.pictures import KEY, set_pictures
-from cranectl.report.benchmark.sets import NAMED, TITLES, finite, named
 from cranectl.report.table import Cell
 from cranectl.report.theme import standalone_svg
 from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
+from cranectl.tools.benchmark.ranking import Judged
+from cranectl.tools.benchmark.report.opening import caveats, conclusions, tuning_tables
+from cranectl.tools.benchmark.report.page import judged_divisions
+from cranectl.tools.benchmark.report.pictures import KEY, set_pictures
+from cranectl.tools.benchmark.report.sets import NAMED, TITLES, finite, named
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file, read_benchmark
+from cranectl.tools.benchmark.table import read_table
 from docs.standings import statements
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.campaign.benchmark import scores
-from cranectl.campaign.benchmark.declared import Variable
-from cranectl.campaign.benchmark.ranking import Judged, Standing, rest_time
-from cranectl.campaign.benchmark.table import Runs
-from cranectl.campaign.benchmark.trials import radius_sets
-from cranectl.report.benchmark.opening import tuning_changes
-from cranectl.report.benchmark.sets import OUR_CONTROLLER
 from cranectl.report.table import listed
+from cranectl.tools.benchmark import scores
+from cranectl.tools.benchmark.declared import Variable
+from cranectl.tools.benchmark.ranking import Judged, Standing, rest_time
+from cranectl.tools.benchmark.report.opening import tuning_changes
+from cranectl.tools.benchmark.report.sets import OUR_CONTROLLER
+from cranectl.tools.benchmark.table import Runs
+from cranectl.tools.benchmark.trials import radius_sets
 
 Text = Iterator[str]  # paragraphs, lists and tables in Markdown
 

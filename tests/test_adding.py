@@ -41,7 +41,7 @@ class Hinge(Effect):
 WITH_HINGE = """
 import dataclasses, json
 import numpy as np
-from cranectl.analysis.certificate.linear_plant import LINEAR
+from cranectl.tools.robustness.certificate.linear_plant import LINEAR
 from cranectl.plants.registry import COMMON, PLANTS, register_plant
 from cranectl.plants.trials import check_honest
 from cranectl.scenario.load import default_scenario, load_rig

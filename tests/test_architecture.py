@@ -141,7 +141,7 @@ def test_a_command_loads_no_module_of_another_command() -> None:
     result = python(script)
     others = [line.split()[1:] for line in result.stdout.splitlines() if line.startswith("LOADED")]
     assert "Did you mean 'run'?" in result.stderr
-    assert len(others) == 21
+    assert len(others) == 20
     assert [names for names in others if names] == [["benchmark"]], "only `tune` needs another command"
 
 

@@ -9,12 +9,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.certify import PointVerdict
-from cranectl.analysis.certificate.operating_points import OperatingPoint
-from cranectl.analysis.ladder import Size
 from cranectl.campaign import statistics
-from cranectl.campaign.benchmark.ranking import checked_standing
-from cranectl.campaign.benchmark.tuning import Point, consistent_points
 from cranectl.campaign.summary import GroupSummary, _summary, summarize
 from cranectl.cases.pairwise import WorstPair
 from cranectl.cases.validation import Validation
@@ -26,6 +21,11 @@ from cranectl.planning.review import check_duration
 from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.consistency import InconsistentError
+from cranectl.tools.benchmark.ranking import checked_standing
+from cranectl.tools.benchmark.tuning import Point, consistent_points
+from cranectl.tools.robustness.certificate.certify import PointVerdict
+from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
+from cranectl.tools.robustness.ladder import Size
 
 GROUP = GroupSummary(
     plant="analytic", controller="lqr", runs=10, failures=3, stopped={"failed": 1, "rope-slack": 1},

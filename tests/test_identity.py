@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.tuned import tuned_facts
 from cranectl.campaign.load import load_campaign
 from cranectl.campaign.manifest import differences, manifest_of, software_of
 from cranectl.compare import Differences
@@ -30,6 +29,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
+from cranectl.tools.benchmark.tuned import tuned_facts
 from tests.plants.own_models import HALL_NAMES, MODELS
 
 # Faces of rooms have functions of these names.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import read_benchmark
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.processor
@@ -54,10 +54,10 @@ import hashlib
 import json
 import cranectl.design.controllers as designs
 import cranectl.loaders.python_controller as loader
-from cranectl.campaign.benchmark.declared import assignments, variables_of
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.trials import DIVISIONS, campaign_of, trials_of
-from cranectl.cli.benchmark import measured_controllers
+from cranectl.tools.benchmark.declared import assignments, variables_of
+from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.trials import DIVISIONS, campaign_of, trials_of
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 from cranectl.controllers.preparation import prepared
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.simulate import PlannedReference

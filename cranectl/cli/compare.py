@@ -13,8 +13,8 @@ from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.compare import Comparison
-    from cranectl.measured.replay import Replay
     from cranectl.simulate import Run
+    from cranectl.tools.measured.replay import Replay
 
 
 @click.command("compare", cls=command.Command)
@@ -77,7 +77,7 @@ def compare_command(
 
     alone = Log.read(logs[0]) if len(logs) == 1 else Log({})
     if (measured := alone.layers.get("measured")) is not None:
-        from cranectl.cli.measured import compare_measured
+        from cranectl.tools.measured.commands.verdict import compare_measured
 
         return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
     refuse_options(

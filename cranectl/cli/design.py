@@ -15,8 +15,8 @@ from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
 from cranectl.support import File, FileKind, InputError
 
 if TYPE_CHECKING:
-    from cranectl.export.prepared import Exported
     from cranectl.scenario import Scenario
+    from cranectl.tools.export.prepared import Exported
 
 # What only runs read, and what designs of the flat family do not read either.
 UNREAD = (*OF_RUNS, *OF_MOTIONS, "control.physics_step", "control.lag_compensation")
@@ -183,7 +183,7 @@ class Export(NamedTuple):
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""
-        from cranectl.export import controller_fmu, prepare_export
+        from cranectl.tools.export import controller_fmu, prepare_export
 
         exported = prepare_export(scenario, name, self.drive)
         content = controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
@@ -214,8 +214,8 @@ def _check_directory(directory: Path) -> None:
 
 def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
-    from cranectl.export import exported_files
     from cranectl.loaders.c_controller import HEADER
+    from cranectl.tools.export import exported_files
 
     texts = exported_files(exported, command.command_given(), single=single)
     if not single:  # the library for cranectl computes with doubles

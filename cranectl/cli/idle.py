@@ -12,10 +12,10 @@ from cranectl.support import InputError
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
-    from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.plants import Drive
     from cranectl.scenario import Scenario
     from cranectl.simulate import RunKind
+    from cranectl.tools.benchmark.settings import Benchmark
 
 SHOWN_NAMES = 8  # names in a line, and lines
 LABELS = ("name", "title", "controller.name")  # told where they are shown
@@ -116,8 +116,8 @@ def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str
 
     `runs`: scenario of the benchmark, plant and controller of each.
     """
-    from cranectl.campaign.benchmark.trials import scenario_source
     from cranectl.support import Shipped
+    from cranectl.tools.benchmark.trials import scenario_source
 
     lines: list[str] = []
     listed = list(runs)

@@ -67,10 +67,10 @@ def list_command(screen: Screen) -> None:
 
 def json_schema(document: str) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a file of the kind `document`, one of DOCUMENTS."""
-    from cranectl.campaign.benchmark.settings import Benchmark
     from cranectl.campaign.settings import CampaignSettings
-    from cranectl.measured.mapping import MeasuredMap
     from cranectl.scenario import AddedSegment, RigParameters, Scenario
+    from cranectl.tools.benchmark.settings import Benchmark
+    from cranectl.tools.measured.mapping import MeasuredMap
 
     models: dict[str, Any] = {
         "scenario": Scenario,

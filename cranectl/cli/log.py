@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from cranectl.cli import command
-from cranectl.cli.log_import import import_log
 from cranectl.cli.output import Screen, styled
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools.measured.commands.import_logs import import_log
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
@@ -98,6 +98,10 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     runs = shown.runs
     rigs = [run.scenario.limited_rig for run in runs.values()]
     labels = tuple(runs) if shown.is_overlay else ()
+    if name == "ladder" and log is None:
+        from cranectl.tools.robustness.levels import NAMES
+
+        labels = NAMES
     plants = PLANTS.of_logs(plants, () if labels else runs)
     if runs and not labels:
         plants = plants or tuple(runs)

@@ -37,7 +37,7 @@ Exit codes:
 """ + "\n".join(f"  {code:3}  {meaning}" for code, meaning in exit_codes.MEANINGS.items())
 
 
-# Name of each command, which is that of its module too, and the first line of its help.
+# Name of each command, and the first line of its help.
 COMMANDS = {
     "Run": {
         "new": "Write a small working example of a file, with its test.",
@@ -67,6 +67,18 @@ COMMANDS = {
         "thesis": "Run chapter 5 of the thesis again and compare its numbers.",
     },
 }
+# Commands that stand with what they compute.
+ELSEWHERE = {
+    "benchmark": "tools.benchmark.commands.benchmark",
+    "tune": "tools.benchmark.commands.tune",
+    "certify": "tools.robustness.commands.certify",
+    "ladder": "tools.robustness.commands.ladder",
+    "identify": "tools.measured.commands.identify",
+    "live": "tools.live.command",
+    "render": "tools.render.command",
+    "thesis": "tools.thesis.command",
+    "campaign": "campaign.commands",
+}
 NAMES = [name for summaries in COMMANDS.values() for name in summaries]
 
 
@@ -75,7 +87,8 @@ class Commands(UserDict[str, Any]):
 
     def __getitem__(self, name: str) -> click.Command:
         if self.data[name] is None:
-            self.data[name] = getattr(importlib.import_module(f"cranectl.cli.{name}"), f"{name}_command")
+            module = importlib.import_module(f"cranectl.{ELSEWHERE.get(name, f'cli.{name}')}")
+            self.data[name] = getattr(module, f"{name}_command")
         command: click.Command = self.data[name]
         return command
 

@@ -80,7 +80,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _propose(name, directory, seed or 0, period)
         return
     if kind == MAP:
-        from cranectl.measured.suggestion import suggest_map
+        from cranectl.tools.measured.suggestion import suggest_map
 
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
@@ -113,10 +113,15 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
     from cranectl.cli.output import Screen
-    from cranectl.measured.programme import predict_estimates, propose_runs, recording_map, set_points_text
-    from cranectl.measured.suggestion import run_name
-    from cranectl.report.measured import estimates_table
     from cranectl.scenario import load_rig
+    from cranectl.tools.measured.programme import (
+        predict_estimates,
+        propose_runs,
+        recording_map,
+        set_points_text,
+    )
+    from cranectl.tools.measured.report import estimates_table
+    from cranectl.tools.measured.suggestion import run_name
 
     rig, name, screen = load_rig(rig_name), run_name(Path(rig_name).stem), Screen()
     runs = propose_runs(rig, seed=seed, period=period)
@@ -144,8 +149,8 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
 
-    from cranectl.measured.programme import largest_swing
     from cranectl.report.table import Table, cells
+    from cranectl.tools.measured.programme import largest_swing
 
     rows = [
         cells(

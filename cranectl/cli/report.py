@@ -37,7 +37,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
     if figures is not None:
         _check_directory(figures)
     if not logs:
-        from cranectl.cli.thesis import run_thesis
+        from cranectl.tools.thesis.command import run_thesis
 
         return run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
@@ -48,10 +48,10 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log import Log
-    from cranectl.render.draw import draw_worst_moment
     from cranectl.report.page import write_figures
     from cranectl.report.run.page import log_page
     from cranectl.support import Provenance
+    from cranectl.tools.render.draw import draw_worst_moment
 
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}

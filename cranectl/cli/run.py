@@ -110,8 +110,8 @@ def run_command(
 
 def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
     """Write the plant of a case as an FMU; raise InputError if that is not possible."""
-    from cranectl.export.fmu import fmu_archive
-    from cranectl.export.plant import plant_model
+    from cranectl.tools.export.fmu import fmu_archive
+    from cranectl.tools.export.plant import plant_model
 
     if len(case.plants) > 1:
         raise InputError(

@@ -13,10 +13,10 @@ from cranectl.cli.completion import complete_scenarios
 from cranectl.cli.controller_options import controllers_option, timeout_option
 from cranectl.cli.counts import MAX_WORKERS, available_cores, count_option
 from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
-from cranectl.cli.measured import is_measured, judge_runs
-from cranectl.cli.measured_files import map_option, sheets_option
 from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar, styled
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools.measured.commands.files import map_option, sheets_option
+from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 
 if TYPE_CHECKING:
     from cranectl.cases import Case, Failure, Pairwise, Validation
@@ -213,8 +213,8 @@ def _page(
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
     from cranectl.log import read_log
-    from cranectl.render.draw import draw_worst_moment
     from cranectl.report.validation import validation_page, worst_logs
+    from cranectl.tools.render.draw import draw_worst_moment
 
     moments = {}
     try:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from cranectl.analysis.levels import NAMES
 from cranectl.log import Topics
 from cranectl.plants import PLANTS
 from cranectl.report.viewer_panels import (
@@ -58,7 +57,7 @@ def layout_json(
 ) -> str:
     """Return the layout `name` as a file's content, for a log of `plants`, by default the usual ones.
 
-    `labels`: of the runs of an overlay; of a ladder by default all. The camera sees the whole `rig`.
+    `labels`: of the runs of an overlay or a ladder. The camera sees the whole `rig`.
     `logged`: what a controller outside the flat family logs under its own names. `recorded`: the signals of a
     log, as `/measured/state.alpha`; lines of others are left out. Raises InputError for an unknown name.
     """
@@ -193,8 +192,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
 
 def _ladder(labels: Sequence[str]) -> Layout:
     """Return the layout of a ladder: what each level adds, its distance from theory, the trails of all."""
-    labels = labels or NAMES
-    if len(labels) == 1:  # nothing to be compared
+    if len(labels) < 2:  # nothing to be compared
         return _overlay(labels)
     orders = []
     for where, group in (("the level before", Topics.STEP), (labels[0], Topics.DISTANCE.name)):

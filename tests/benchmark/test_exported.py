@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.loaders.opening import close_controllers
 from cranectl.support.errors import InputError
-from tests.export.exported import export, library, prepared, same_bits
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.settings import read_benchmark
+from tests.tools.export.exported import export, library, prepared, same_bits
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 REFUSED = {"MPPI": "has the type array", "SUPER_TWISTING": "calls, within an expression"}

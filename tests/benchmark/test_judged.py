@@ -9,19 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.declared import controller_files
-from cranectl.campaign.benchmark.ranking import Judged, points_of
-from cranectl.campaign.benchmark.results import collect_results, run_trials
-from cranectl.campaign.benchmark.scores import undominated
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
-from cranectl.campaign.benchmark.trials import DIVISIONS, Trial, campaign_of, rules_of, sets_of, trials_of
-from cranectl.campaign.benchmark.tuned import tuned_facts, tuned_settings
 from cranectl.campaign.table import FAILED
 from cranectl.campaign.workers import batch_engine
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
 from cranectl.controllers.registry import ALL_CONTROLLERS
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.declared import controller_files
+from cranectl.tools.benchmark.ranking import Judged, points_of
+from cranectl.tools.benchmark.results import collect_results, run_trials
+from cranectl.tools.benchmark.scores import undominated
+from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable, read_table
+from cranectl.tools.benchmark.trials import DIVISIONS, Trial, campaign_of, rules_of, sets_of, trials_of
+from cranectl.tools.benchmark.tuned import tuned_facts, tuned_settings
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from tests.pace import HANG

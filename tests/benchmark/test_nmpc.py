@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cranectl import open_controller
-from cranectl.campaign.benchmark.declared import information, variables_of
+from cranectl.tools.benchmark.declared import information, variables_of
 from tests.benchmark.nmpc import FOLDER, build_library
 from tests.benchmark.runs import at_rest, simulate
 

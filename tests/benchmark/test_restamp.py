@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.table import BenchmarkTable, read_table
-from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.table import FAILED
 from cranectl.support.documents import TOML
 from cranectl.support.provenance import Provenance
+from cranectl.tools.benchmark.table import BenchmarkTable, read_table
+from cranectl.tools.benchmark.trials import Trial
 from validation.proofs import restamp
 
 ROWS = 2

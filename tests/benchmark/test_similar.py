@@ -6,14 +6,14 @@ from ctypes import POINTER, c_double
 import numpy as np
 import pytest
 
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.controller import Controller, Nominal
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import completed_rig
 from cranectl.support.arrays import Array
 from cranectl.support.compiled_step import CompiledStep
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.settings import read_benchmark
 
 CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
 LENGTH, MASS, PERIOD = 25.0, 1000.0, 1e-3

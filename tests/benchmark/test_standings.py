@@ -14,15 +14,15 @@ import pytest
 from pyarrow import parquet
 from scipy.stats import binomtest
 
-from cranectl.campaign.benchmark.declared import Variable, variables_of
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.table import read_table
-from cranectl.campaign.benchmark.trials import Trial, campaign_of
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.campaign.sampling import sample_values
-from cranectl.cli.benchmark import measured_controllers
-from cranectl.report.benchmark.page import judged_divisions
 from cranectl.support.documents import TOML
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.declared import Variable, variables_of
+from cranectl.tools.benchmark.report.page import judged_divisions
+from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.trials import Trial, campaign_of
 from docs.standings import of_bounds
 from tests.conftest import ROOT
 

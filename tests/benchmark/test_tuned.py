@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 from pyarrow import parquet
 
-from cranectl.campaign.benchmark.declared import variables_of
-from cranectl.campaign.benchmark.settings import Benchmark, benchmark_file, read_benchmark
-from cranectl.campaign.benchmark.trials import rules_of
-from cranectl.campaign.benchmark.tuned import tuned_settings
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.support.documents import TOML
 from cranectl.support.provenance import Provenance
 from cranectl.support.trees import Tree
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.declared import variables_of
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file, read_benchmark
+from cranectl.tools.benchmark.trials import rules_of
+from cranectl.tools.benchmark.tuned import tuned_settings
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from validation.proofs.freeze import freeze, frozen_seed

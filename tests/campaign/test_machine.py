@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.results import run_trials
-from cranectl.campaign.benchmark.trials import Trial
 from cranectl.campaign.definition import Batch, Campaign
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign
@@ -17,6 +15,8 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.children import Timeout
 from cranectl.support.errors import MachineError
+from cranectl.tools.benchmark.results import run_trials
+from cranectl.tools.benchmark.trials import Trial
 from tests.campaign.campaigns import campaign, fixed
 from tests.loaders.controller_files import LAW
 

@@ -8,13 +8,13 @@ import pytest
 from rich.console import Console
 
 from cranectl.campaign.replay import chosen_rows, differences
+from cranectl.campaign.report.tables import failure_notes, summary_table
 from cranectl.campaign.results import Results, read_results
 from cranectl.campaign.summary import failed, failure_interval, summarize, worst_first
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.cli.output import screen_table
 from cranectl.design import CONTROLLERS
 from cranectl.metrics.limits import Limits
-from cranectl.report.campaign.tables import failure_notes, summary_table
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MASS
 from tests.campaign.results import two_controllers, write_all

@@ -9,8 +9,8 @@ import pytest
 
 from cranectl.cli.main import cli, main
 from cranectl.support.resources import Shipped
-from tests.campaign.benchmark.conftest import SHORT as SHORT_SCENARIO
-from tests.campaign.benchmark.conftest import SMALL
+from tests.tools.benchmark.conftest import SHORT as SHORT_SCENARIO
+from tests.tools.benchmark.conftest import SMALL
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 SHORT = "--set duration=0.1 --set disturbances=[] --set reference.segments=[]"
@@ -68,7 +68,7 @@ def test_a_command_reports_settings_without_effect(
         settings = 'set = ["design.input_weight=0.2", "log.every=2"]\n'
         Path("small.toml").write_text(settings + SMALL.replace(', "servo.py:SERVO"', ""))
         Path("short.toml").write_text(SHORT_SCENARIO)
-    monkeypatch.setattr("cranectl.live.server.LiveServer.serve", lambda *_: None)
+    monkeypatch.setattr("cranectl.tools.live.server.LiveServer.serve", lambda *_: None)
     main(shlex.split(command))
     assert line in " ".join(capsys.readouterr().out.split())
 

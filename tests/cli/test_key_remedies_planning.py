@@ -2,9 +2,9 @@
 
 import pytest
 
-from cranectl.live.hand_limits import hand_limits
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
+from cranectl.tools.live.hand_limits import hand_limits
 from tests.remedies import Case, remedy_test, written
 
 RUN = "run s.toml --plants analytic"

@@ -1,8 +1,8 @@
 """Remedies for rules across several keys of a scenario, campaign or benchmark work on the refused input."""
 
-from tests.campaign.benchmark.conftest import SHORT, SMALL
 from tests.cli.test_key_remedies_campaign import CAMPAIGN, SCENARIO
 from tests.remedies import Case, remedy_test, written
+from tests.tools.benchmark.conftest import SHORT, SMALL
 
 CONTROLLER_LIST, SETS = '["lqr-integral", "servo.py:SERVO"]', "[sets.wide]"
 BENCHMARK = SMALL.replace(CONTROLLER_LIST, '["lqr-integral"]')

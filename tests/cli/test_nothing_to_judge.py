@@ -89,7 +89,7 @@ ALWAYS = {
     "ladder": "its levels begin with two",
     "run": "it judges how its run ended",
     "thesis": "it runs all of the chapter",
-    "measured": "the part of `validate` for measured runs; tests/measured/test_verdict.py",
+    "measured": "the part of `validate` for measured runs; tests/tools/measured/test_verdict.py",
 }
 
 

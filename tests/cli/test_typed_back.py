@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.analysis.certificate.conservatism import LargestValues
-from cranectl.analysis.certificate.operating_points import OperatingPoint
 from cranectl.cases import Case
 from cranectl.cli.main import main
 from cranectl.controllers.registry import controller_names
 from cranectl.planning import load_scenario
 from cranectl.plants import DRIVES
 from cranectl.plants import PLANTS as ALL_PLANTS
-from cranectl.report.rig.tables import limit_table
 from cranectl.scenario.effects import EffectNumbers
 from cranectl.scenario.load import load_rig, rig_names, scenario_names
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
+from cranectl.tools.robustness.certificate.conservatism import LargestValues
+from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
+from cranectl.tools.robustness.report.tables import limit_table
 from tests.ranges import ALL, ends
 
 MANY = 400 if ALL else 25

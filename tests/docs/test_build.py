@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import cranectl
-from cranectl.campaign.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import read_benchmark
 from docs import build, figures
 from tests.conftest import ROOT
 from validation.performance import page as performance

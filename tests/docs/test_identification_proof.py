@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.measured.verdict import NOT_DECIDED
+from cranectl.tools.measured.verdict import NOT_DECIDED
 from tests.conftest import ROOT
 from validation.proofs.hidden_cranes import CRANES, UNCHANGED, Crane, drawn_crane
 from validation.proofs.identification import CALIBRATED, DATA, PARTS, write

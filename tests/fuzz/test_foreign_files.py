@@ -21,9 +21,9 @@ from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
 from tests.loaders.fmu_files import fmu
 from tests.log.test_foreign import FORMS, OTHER_FILES, rewrite_log
-from tests.measured.test_formats import TEXTS as MEASURED
-from tests.measured.test_harmful_files import WITHOUT_REMEDY, WRITERS, read_all
 from tests.reference.test_foreign_tables import READ, REFUSED
+from tests.tools.measured.test_formats import TEXTS as MEASURED
+from tests.tools.measured.test_harmful_files import WITHOUT_REMEDY, WRITERS, read_all
 
 # The same text in other encodings and formats.
 ENCODINGS: dict[str, Any] = {

@@ -11,7 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
-from cranectl.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, POSITIONS, UNITS, MeasuredMap
+from cranectl.tools.measured.mapping import ANGLES, COMMAND_UNITS, COMMANDS, POSITIONS, UNITS, MeasuredMap
 from tests.fuzz.oracle import check_command, fuzzed
 from tests.fuzz.strategies import NUMBERS, TEXTS, VALUES, changed, damaged, toml
 

@@ -12,11 +12,11 @@ import pytest
 from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 from cranectl.controllers.registry import ALL_CONTROLLERS
-from cranectl.live.session import Session
 from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.log.reader import read_log
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from cranectl.tools.live.session import Session
 from tests.loaders.controller_files import ASKED, LAW, campaign_file, samples_before_failure, scenario
 from tests.loaders.fmu_files import Replaced, binary, description, fmu
 

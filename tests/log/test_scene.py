@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cranectl.analysis.levels import NAMES
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.reader import read_log
 from cranectl.log.scene import GHOST
@@ -25,6 +24,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import Palette
 from cranectl.support.resources import Shipped
+from cranectl.tools.robustness.levels import NAMES
 from tests.conftest import closed_loop, cut
 from tests.log.viewer import message_type
 
@@ -276,7 +276,7 @@ def rgb(colour: Any) -> tuple[float, ...]:
 def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
     """Return the colours of a layout's lines, by the first part of their topic."""
     by_topic = defaultdict(set)
-    for name, panel in json.loads(layout_json(layout))["configById"].items():
+    for name, panel in json.loads(layout_json(layout, labels=NAMES))["configById"].items():
         if name.startswith("Plot"):
             for line in panel["paths"]:
                 by_topic[line["value"].split("/")[1]].add(Palette.LIGHT.rgb(line["color"]))

@@ -16,8 +16,6 @@ from cranectl.cli.main import main
 from cranectl.compare.agreement import judge
 from cranectl.compare.runs import compare_runs
 from cranectl.controllers.registry import ALL_CONTROLLERS
-from cranectl.live.child_session import ChildSession
-from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.engine import mj_step
@@ -30,6 +28,8 @@ from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
+from cranectl.tools.live.child_session import ChildSession
+from cranectl.tools.live.session import Session
 from tests.packages import run_all_beside
 from tests.plants.own_models import MODELS, RIGS, UNDISTURBED, changed, crane_with, servos, write_hall
 

@@ -7,7 +7,6 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.agreement import judge
-from cranectl.export.plant_numbers import PlantNumbers
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS
@@ -19,6 +18,7 @@ from cranectl.scenario.load import load_rig, rig_names, scenario_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.simulate.open_run import open_run
+from cranectl.tools.export.plant_numbers import PlantNumbers
 
 AXES = ("bridge", "trolley", "winch")
 SHIPPED = scenario_names()

@@ -16,11 +16,11 @@ from cranectl.cli.main import main
 from cranectl.compare import Agreement
 from cranectl.log.overlay import Log
 from cranectl.plants.registry import PLANTS, PlantEntry
-from cranectl.render.caption import readings
-from cranectl.render.timeline import timeline_of
 from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 from cranectl.support.units import Quantity
+from cranectl.tools.render.caption import readings
+from cranectl.tools.render.timeline import timeline_of
 from tests.packages import install, run_all_beside
 
 SOURCE = """\

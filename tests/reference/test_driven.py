@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.special import gammainc
 
-from cranectl.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
@@ -17,6 +16,7 @@ from cranectl.reference.driven import (
     HandLimits,
 )
 from cranectl.scenario import ReferenceSettings
+from cranectl.tools.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from validation.proofs import random_joystick
 
 PERIOD, COARSE = 1e-3, 1e-2

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.analysis.levels import replace_effects
 from cranectl.campaign.definition import sampled_scenario
 from cranectl.cli.main import main
 from cranectl.log.description import LogDescription
@@ -23,6 +22,7 @@ from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.segments import Spline
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
+from cranectl.tools.robustness.levels import replace_effects
 from tests.campaign.campaigns import MASS, campaign
 from tests.reference.recordings import SAMPLES, START, TO, motion, scenario_of, write_csv
 

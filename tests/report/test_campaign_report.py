@@ -10,13 +10,13 @@ import click
 import numpy as np
 import pytest
 
+from cranectl.campaign.commands.results import replay_campaign
 from cranectl.campaign.evaluation import analyse, analysis_json
 from cranectl.campaign.replay import chosen_rows
+from cranectl.campaign.report.page import campaign_page
 from cranectl.campaign.results import Results
 from cranectl.campaign.table import METRIC_COLUMNS
-from cranectl.cli.campaign.results import replay_campaign
 from cranectl.cli.main import main
-from cranectl.report.campaign.page import campaign_page
 from cranectl.report.page import render
 from tests.campaign.campaigns import LAG, MASS, campaign, fixed
 from tests.campaign.results import two_controllers, write_all

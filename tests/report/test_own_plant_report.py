@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario
-from cranectl.render.draw import draw_worst_moment
 from cranectl.report.page import FirstScreen
 from cranectl.report.run.page import log_page
 from cranectl.simulate import Run, simulate_run
+from cranectl.tools.render.draw import draw_worst_moment
 from tests.plants.own_models import MODELS, RIGS, UNDISTURBED
 
 pytestmark = pytest.mark.usefixtures("no_model_afterwards")

@@ -19,7 +19,6 @@ from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import LimitVerdict
 from cranectl.planning import load_scenario
-from cranectl.render.opengl import no_opengl
 from cranectl.report.page import Figure, Page, Section, render, write_figures
 from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference
 from cranectl.report.run.first_screen import first_screen_of
@@ -30,6 +29,7 @@ from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.colours import Palette
+from cranectl.tools.render.opengl import no_opengl
 from tests.conftest import PAIR, closed_loop, cut
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -257,7 +257,7 @@ def test_report_of_one_plant_whose_run_stopped(
     def nothing() -> None:
         raise no_opengl({"egl": "no screen"})
 
-    monkeypatch.setattr("cranectl.render.draw.check_engine", nothing)
+    monkeypatch.setattr("cranectl.tools.render.draw.check_engine", nothing)
     stop = ["--set", "disturbances=[{joint='alpha', start=0.1, magnitude=20.0}]", "--set", "duration=2"]
     assert main(["run", "fixed-position", *stop, "--plant", "mujoco", "--out", "one.mcap"]) == 3
     assert main(["report", "one.mcap"]) == 0

@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from cranectl.analysis.ladder import LevelResult, Size, evaluate_levels
-from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
 from cranectl.cli.output import FILE_WIDTH, screen_table
 from cranectl.planning import load_scenario
-from cranectl.report.rig.page import deviation_dots
-from cranectl.report.rig.tables import (
-    ladder_table,
-)
 from cranectl.report.table import Table
 from cranectl.status import RunStatus
+from cranectl.tools.robustness.ladder import LevelResult, Size, evaluate_levels
+from cranectl.tools.robustness.levels import NAMES
+from cranectl.tools.robustness.report.page import deviation_dots
+from cranectl.tools.robustness.report.tables import (
+    ladder_table,
+)
 from tests.report.test_report import read_page
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")

@@ -10,11 +10,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cranectl.analysis.levels import NAMES
 from cranectl.cli.main import main
-from cranectl.live.hand import VELOCITY_TIMEOUT
-from cranectl.live.hand_limits import hand_limits
-from cranectl.live.viewers import VELOCITY_TOPIC
 from cranectl.log.overlay import Layer, write_overlay
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
@@ -22,6 +18,10 @@ from cranectl.report.viewer_layouts import LAYOUTS, layout_json
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
+from cranectl.tools.live.hand import VELOCITY_TIMEOUT
+from cranectl.tools.live.hand_limits import hand_limits
+from cranectl.tools.live.viewers import VELOCITY_TOPIC
+from cranectl.tools.robustness.levels import NAMES
 from tests.conftest import PLANTS
 from tests.scenario.test_drawing import similar
 

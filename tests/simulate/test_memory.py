@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.analysis.ladder import evaluate_levels
 from cranectl.campaign.load import load_campaign
 from cranectl.campaign.worker import PreparedCampaign
 from cranectl.cases import Case
@@ -16,6 +15,7 @@ from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.simulate import RunMemory, memory, simulate_run
 from cranectl.support.errors import InputError
+from cranectl.tools.robustness.ladder import evaluate_levels
 
 FINE = ("control.period=1e-6", "control.physics_step=1e-6")
 ENDLESS = (*FINE, "duration=600", "disturbances=[]")

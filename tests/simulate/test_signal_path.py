@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from cranectl.live.session import Session
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
@@ -16,6 +15,7 @@ from cranectl.simulate.actuation import Actuation, forces_at_rest
 from cranectl.simulate.signal_path import SignalPath, act
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
+from cranectl.tools.live.session import Session
 from tests.conftest import PLANTS
 
 SHORT = ["duration=0.6", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]

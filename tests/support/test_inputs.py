@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign.benchmark.table import read_table
 from cranectl.loaders.opening import open_controller
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.support.files import File
+from cranectl.tools.benchmark.table import read_table
 from tests.pace import HANG
 
 FILE = """

@@ -14,8 +14,6 @@ from time import thread_time
 
 import numpy as np
 
-from cranectl.campaign.benchmark.settings import benchmark_file, read_benchmark
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.controllers.addressed import _call
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
@@ -25,6 +23,8 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import Plan, PreparedController, simulate_run
 from cranectl.simulate.loops import write_measured
 from cranectl.support.jit import jit
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.settings import benchmark_file, read_benchmark
 from validation.performance.figures import Measurement, summarise
 
 BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"

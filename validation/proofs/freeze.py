@@ -21,14 +21,14 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command line does; before NumPy is loaded
 
-from cranectl.campaign.benchmark.settings import Benchmark, read_benchmark
-from cranectl.campaign.benchmark.trials import rules_of, stated_rules
-from cranectl.campaign.benchmark.tuned import DEFAULT, tuned_facts
-from cranectl.cli.benchmark import measured_controllers
 from cranectl.cli.main import main
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.support.files import File
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.trials import rules_of, stated_rules
+from cranectl.tools.benchmark.tuned import DEFAULT, tuned_facts
 
 SEED_DIGITS = 15  # hexadecimal; a seed is less than 2**63
 

@@ -10,8 +10,8 @@ import numpy as np
 from cranectl.scenario.load import load_rig
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
-from tests.measured.hidden import hidden_numbers
-from tests.measured.simulator import NO_DEFECTS, Defects, Truth, hidden_run
+from tests.tools.measured.hidden import hidden_numbers
+from tests.tools.measured.simulator import NO_DEFECTS, Defects, Truth, hidden_run
 
 CRANES = 12
 LARGEST = 25.0  # times the laboratory rig

@@ -5,7 +5,7 @@
     .venv/bin/python -m validation.proofs.identification --part exact --cranes 2
 
 Each crane has another size, from 1 to 25 times the laboratory rig's, and other numbers than those from which
-the fit starts. The simulator shares nothing with the models (tests/measured/simulator.py). The truth is
+the fit starts. The simulator shares nothing with the models (tests/tools/measured/simulator.py). The truth is
 written before any run, and no part runs without it. What is in the file is not computed again; fits are kept
 in build/.
 
@@ -34,21 +34,21 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
-from cranectl.measured.identification import identify
-from cranectl.measured.verdict import (
+from cranectl.scenario.load import load_rig
+from cranectl.simulate import Run
+from cranectl.support.errors import InputError
+from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.identification import identify
+from cranectl.tools.measured.verdict import (
     COVERED,
     NOT_DECIDED,
     RunVerdict,
     answer_for,
     judge,
 )
-from cranectl.scenario.load import load_rig
-from cranectl.simulate import Run
-from cranectl.support.errors import InputError
-from tests.measured.disguises import disguises
-from tests.measured.hidden import run_of, set_points
-from tests.measured.simulator import NO_DEFECTS, Defects, Truth
+from tests.tools.measured.disguises import disguises
+from tests.tools.measured.hidden import run_of, set_points
+from tests.tools.measured.simulator import NO_DEFECTS, Defects, Truth
 from validation.proofs.hidden_cranes import (
     CRANES,
     PERIOD,

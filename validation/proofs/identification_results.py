@@ -6,7 +6,7 @@ from typing import Any
 
 from scipy.stats import binomtest, kstest
 
-from cranectl.measured.verdict import COVERED, NOT_COVERED, NOT_DECIDED, WITHIN_TOLERANCE
+from cranectl.tools.measured.verdict import COVERED, NOT_COVERED, NOT_DECIDED, WITHIN_TOLERANCE
 from validation.proofs.hidden_cranes import DEAD_TIME, UNCHANGED
 
 DECISIVE = 2.0  # times the tolerance or the band, from which a true difference must be found

@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.measured.fit import Fit, fit_path, fit_text, read_fit
-from cranectl.measured.identification import identify
-from cranectl.measured.identified import rig_text
-from cranectl.measured.importing import LogSource, import_runs, sources_of
-from cranectl.measured.mapping import read_map
-from cranectl.measured.verdict import RunVerdict, answer_for, judge
 from cranectl.scenario.load import load_rig
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
+from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.identification import identify
+from cranectl.tools.measured.identified import rig_text
+from cranectl.tools.measured.importing import LogSource, import_runs, sources_of
+from cranectl.tools.measured.mapping import read_map
+from cranectl.tools.measured.verdict import RunVerdict, answer_for, judge
 
 MAPS = Path(__file__).with_name("measured-rigs")
 TOLERANCES = (0.005, 0.010, 0.020)  # [m]

@@ -18,14 +18,14 @@ from cranectl.cases.validation import Validation
 from cranectl.cases.workers import run_cases
 from cranectl.cli.counts import available_cores
 from cranectl.cli.output import Screen
-from cranectl.live.hand import HandReference, HandRequest
-from cranectl.live.hand_limits import hand_limits
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.scenario import Scenario
 from cranectl.signals import ALPHA, BETA
 from cranectl.simulate import PlannedReference
+from cranectl.tools.live.hand import HandReference, HandRequest
+from cranectl.tools.live.hand_limits import hand_limits
 from validation.proofs.random_cranes import commit
 
 CRANES = ("fixed-position", "workshop-move", "ship-to-shore")

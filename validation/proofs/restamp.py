@@ -30,8 +30,17 @@ import numpy as np
 import pyarrow
 from pyarrow import parquet
 
-from cranectl.campaign.benchmark.settings import read_benchmark
-from cranectl.campaign.benchmark.table import (
+from cranectl.campaign.definition import Batch
+from cranectl.campaign.manifest import software_of
+from cranectl.campaign.worker import PreparedCampaign, Worker
+from cranectl.cli.controller_options import opened
+from cranectl.controllers.registry import ALL_CONTROLLERS
+from cranectl.support.documents import TOML
+from cranectl.support.errors import InputError
+from cranectl.support.files import File
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.table import (
     BenchmarkTable,
     Runs,
     read_table,
@@ -39,17 +48,8 @@ from cranectl.campaign.benchmark.table import (
     runs_of,
     write_table,
 )
-from cranectl.campaign.benchmark.trials import Trial, campaign_of, rules_of
-from cranectl.campaign.benchmark.tuned import DEFAULT, code_of, tuned_settings
-from cranectl.campaign.definition import Batch
-from cranectl.campaign.manifest import software_of
-from cranectl.campaign.worker import PreparedCampaign, Worker
-from cranectl.cli.benchmark import measured_controllers
-from cranectl.cli.controller_options import opened
-from cranectl.controllers.registry import ALL_CONTROLLERS
-from cranectl.support.documents import TOML
-from cranectl.support.errors import InputError
-from cranectl.support.files import File
+from cranectl.tools.benchmark.trials import Trial, campaign_of, rules_of
+from cranectl.tools.benchmark.tuned import DEFAULT, code_of, tuned_settings
 
 BENCHMARK = read_benchmark(DEFAULT)
 TABLE = BENCHMARK.file.parent / "literature.parquet"

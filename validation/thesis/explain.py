@@ -32,7 +32,7 @@ from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.support.jit import jit
 from cranectl.support.resources import Shipped
-from cranectl.thesis.reproduction import CONTROLLERS
+from cranectl.tools.thesis.reproduction import CONTROLLERS
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ import simulation
 import tracking
 from blocks import new_drawing, to_svg
 
-from cranectl.thesis.page import DIAGRAM_DIRECTORY, DIAGRAMS
+from cranectl.tools.thesis.page import DIAGRAM_DIRECTORY, DIAGRAMS
 
 DRAWINGS = {
     "2.1": crane.draw_crane,

@@ -1,6 +1,6 @@
 """Register checks of the errata in docs/thesis/errata.md by name, with functions that the checks share.
 
-tests/thesis/test_errata.py runs them. A check returns (error of the printed form, error of the right form).
+tests/tools/thesis/test_errata.py runs them. A check returns the errors of the printed and of the right form.
 The errors are relative to a truth that uses no equation of the thesis: Newton's law for the load, `dynamics`,
 which agrees with MuJoCo, SymPy, or plain differentiation.
 """

@@ -1,0 +1,126 @@
+"""`cranectl tune`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli.command import Command, directory_option, json_option
+from cranectl.cli.completion import complete_controllers
+from cranectl.cli.controller_options import timeout_option, trust_option
+from cranectl.cli.counts import MAX_WORKERS, count_option
+from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
+from cranectl.cli.output import Screen, progress_bar
+from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+
+if TYPE_CHECKING:
+    from cranectl.report.table import Table
+    from cranectl.tools.benchmark.tuning import Tuned
+
+
+@click.command("tune", cls=Command)
+@click.argument("controller", shell_complete=complete_controllers)
+@click.option(
+    "--benchmark",
+    "benchmark_name",
+    metavar="NAME",
+    default="literature",
+    show_default=True,
+    help="Whose rules hold: a name or a TOML file.",
+)
+@directory_option(
+    "--out",
+    "Directory of the results: CONTROLLER.toml has the numbers, CONTROLLER.parquet every point tried.",
+    default="logs/tuned",
+    show_default=True,
+)
+@count_option("--workers", "Threads. Default: one for each core.", highest=MAX_WORKERS)
+@count_option("--runs", "Budget in simulated runs. Default: the benchmark's.")
+@timeout_option
+@trust_option("the benchmark")
+@json_option
+def tune_command(
+    controller: str,
+    benchmark_name: str,
+    out: Path,
+    workers: int | None,
+    runs: int | None,
+    timeout: float,
+    trust: bool,
+    screen: Screen,
+) -> None:
+    """Find the numbers of CONTROLLER, by name or file.
+
+    The controller declares which parameters may change, and their bounds. All candidates drive the same
+    uncertain cranes, on which the benchmark never judges. Needs the extra `tune`. The result is the same
+    for any number of workers. After a kill or Ctrl-C the same command continues. Controllers can be named
+    as the benchmark names them.
+
+    \b
+    cranectl tune lqr-integral
+    cranectl tune super_twisting.py:SUPER_TWISTING
+    cranectl tune mine.py:MINE --runs 160 --out logs/mine
+    """
+    from cranectl.cli.counts import available_cores
+    from cranectl.tools.benchmark.declared import variables_of
+    from cranectl.tools.benchmark.settings import read_benchmark
+    from cranectl.tools.benchmark.trials import rules_of
+    from cranectl.tools.benchmark.tuned import (
+        search_of,
+        tuned_files,
+        tuned_table,
+        unfinished_file,
+        unfinished_points,
+        write_points,
+        write_tuned,
+    )
+    from cranectl.tools.benchmark.tuning import tune
+
+    benchmark = read_benchmark(benchmark_name)
+    (name,) = measured_controllers(benchmark, [controller], trust=trust)
+    files, rules = tuned_files(out, name), rules_of(benchmark)
+    plants = dict.fromkeys([benchmark.tuning_plant, benchmark.plant])
+    runs_of = [(scenario, plant, name) for scenario in benchmark.tuning.scenarios for plant in plants]
+    print_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
+    keys, search = [variable.key for variable in variables_of(name)], search_of(name, rules)
+    unfinished = unfinished_file(out, name)
+    if known := unfinished_points(unfinished, search):
+        screen.print(f"goes on after {len(known)} candidates in {unfinished}")
+    total = (runs or benchmark.tuning.runs) + benchmark.tuning.validation_runs
+    with progress_bar(total, name, unit="runs", done="done") as advance:
+        tuned = tune(
+            benchmark,
+            name,
+            runs=runs,
+            workers=workers or available_cores(),
+            timeout=timeout,
+            advance=advance,
+            known=known,
+            keep=lambda points: write_points(unfinished, keys, points, {"search": search}),
+        )
+    table = tuned_table(tuned, benchmark, rules)
+    write_tuned(tuned, table, files)
+    unfinished.unlink(missing_ok=True)
+    if not tuned.variables:
+        screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
+    screen.print(_table(tuned))
+    screen.print(f"numbers: {files[0]}, every point: {files[1]}")
+    screen.write_json({**table, "files": [str(path) for path in files]})
+
+
+def _table(tuned: "Tuned") -> "Table":
+    """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
+    from cranectl.report.table import Table, cells
+
+    points = tuned.best_points
+    rows = [
+        cells(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
+        for k, variable in enumerate(tuned.variables)
+    ]
+    for name, of_set in (("", points), ("validation: ", tuned.validated)):
+        if of_set:
+            rows.append(cells(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
+            rows.append(cells(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
+    rows.append(cells("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
+    note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
+    return Table(tuned.controller, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

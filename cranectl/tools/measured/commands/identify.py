@@ -1,0 +1,119 @@
+"""`cranectl identify`."""
+
+import shlex
+from os.path import relpath
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cranectl.cli import command, exit_codes
+from cranectl.cli.completion import complete_rigs
+from cranectl.cli.output import Screen
+from cranectl.support import File, FileKind
+from cranectl.tools.measured.commands.files import map_option, read_measured, sheets_option
+
+if TYPE_CHECKING:
+    from cranectl.tools.measured.replay import Replay
+
+IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
+
+
+@click.command("identify", cls=command.Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
+@click.option(
+    "--rig",
+    metavar="NAME",
+    required=True,
+    shell_complete=complete_rigs,
+    help="Name or TOML file of what is known of the crane.",
+)
+@map_option("Map of the columns of FILEs that are no logs.")
+@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@click.option(
+    "--replay",
+    type=click.Choice(["commands", "lines", "motion"]),
+    help="What drives the model: commands, held from row to row; lines between them; or the motion of the "
+    "axes. Default: commands, if all logs have them; of slow logs, what fits of the first two.",
+)
+@command.output_option(
+    "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
+)
+@command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
+@command.json_option
+def identify_command(
+    files: tuple[Path, ...],
+    rig: str,
+    map_file: Path | None,
+    sheets: str | None,
+    replay: "Replay | None",
+    out: Path | None,
+    report: Path | None,
+    screen: Screen,
+) -> int:
+    """Fit the numbers of a crane to at least three measured runs.
+
+    A FILE is a log of `cranectl log import`, or with --map any file that it reads: CSV, Parquet, MCAP,
+    MATLAB, HDF5, Excel or ROS bags. With --map each file is a run. `cranectl new map FILE` writes a map.
+    Fitted are time constants, gains and friction of the drives, dead time, load mass, the zero of the
+    rope's length and friction of the pivot. Masses of the axes, steps and noise of the encoders are those
+    of the rig. Numbers of which these runs say nothing are named and keep the rig's values. Each number has
+    a 95 % interval from the spread between runs and from noise and steps of the encoders.
+
+    A misfit means that the crane does something that the model does not. It is told in millimetres. Go on
+    all the same: `cranectl validate` judges runs that were not used, by your tolerance.
+
+    Exit code 1 only if the optimiser did not finish. A misfit has exit code 0.
+
+    \b
+    cranectl identify monday.csv tuesday.csv friday.csv --map week.toml --rig lab-rig
+    cranectl identify week.xlsx --map week.toml --sheets 'Run*' --rig lab-rig
+    cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
+    cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
+    """
+    from cranectl.scenario import load_rig
+    from cranectl.tools.measured.fit import fit_path, fit_text
+    from cranectl.tools.measured.identification import identify
+    from cranectl.tools.measured.identified import campaign_text, rig_text
+    from cranectl.tools.measured.report import identification_page, identified_table, remarks
+
+    path = out or Path("identified.toml")
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)
+    given = [*files, *([map_file] if map_file else [])]
+    for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, FileKind.JSON)):
+        kind.check_place(file, inputs=given, option="--out")
+    measured = read_measured(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
+    named = [Path(name).name for name, _ in measured.runs]
+    runs = [run for _, run in measured.runs]
+    result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
+    names = ", ".join(named)
+    base = relpath(rig, path.parent) if Path(rig).is_file() else rig
+    with File(path).writing():
+        File(fit).write_text(fit_text(result, runs))
+        File(campaign).write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names))
+        File(path).write_text(rig_text(result, base, names))
+    screen.print(identified_table(result))
+    screen.print_each(remarks(result, named))
+    screen.print(f"rig: {path}")
+    screen.print(f"campaign: {campaign}")
+    unused = f"FILE --map {shlex.quote(str(map_file))}" if map_file else "LOG"
+    screen.print(f"judge runs that were not used: cranectl validate {unused} --rig {shlex.quote(str(path))}")
+    if report is not None:
+        page = identification_page(result, named, command.command_given())
+        screen.save_page(page, report)
+    screen.write_json(
+        {
+            "rig": str(path),
+            "campaign": str(campaign),
+            "fit": str(fit),
+            "imported": measured.imported,
+            "converged": result.converged,
+            "misfits": dict(result.misfits),
+            "largest_m": [float(load.distance[load.largest]) for load in result.loads],
+            "replay": result.replay,
+            "estimates": [vars(estimate) for estimate in result.estimates],
+            "unidentifiable": list(result.unidentifiable),
+            "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],
+        }
+    )
+    return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED

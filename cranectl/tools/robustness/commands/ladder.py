@@ -1,0 +1,104 @@
+"""`cranectl ladder`."""
+
+import shlex
+from inspect import cleandoc
+from pathlib import Path
+
+import click
+
+from cranectl.cli import command, exit_codes
+from cranectl.cli.controller_options import controller_option
+from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
+from cranectl.cli.output import Screen, progress_bar
+from cranectl.support import FileKind
+
+EVERY = 10  # samples: a dozen runs in one file for viewers
+
+
+class LadderCommand(command.Command):
+    """A command whose help lists the levels."""
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, with a line for each level in place of LEVELS."""
+        from cranectl.tools.robustness.levels import LEVELS
+
+        levels = "\n".join(f"{level.name:11} {level.adds}" for level in LEVELS)
+        self.help = cleandoc(str(self.help)).replace("LEVELS", levels)
+        super().format_help_text(ctx, formatter)
+
+
+@click.command("ladder", cls=LadderCommand)
+@command.scenario_argument
+@controller_option
+@click.option("--top", show_default="the last", metavar="LEVEL", help="The last level of the shipped plants.")
+@command.scenario_options
+@command.output_option(
+    "--out", FileKind.MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
+)
+@command.output_option("--report", FileKind.HTML, "HTML page of it.")
+@command.json_option
+def ladder_command(
+    request: command.ScenarioRequest,
+    controller: str | None,
+    top: str | None,
+    out: Path | None,
+    report: Path | None,
+    screen: Screen,
+) -> int:
+    """Measure what each effect of the real rig costs, one by one.
+
+    \b
+    LEVELS
+
+    An effect with settings in the scenario, in a table under [effects], is added with those.
+
+    If the rig names a model, as in `--set rig.model=mine.xml`, that is the last level. It has those effects
+    that the model honours.
+
+    \b
+    cranectl ladder settled-trajectory
+    cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
+    cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
+    """
+    from cranectl.cases import Case
+    from cranectl.controllers import ALL_CONTROLLERS
+    from cranectl.log import Layer, Log, check_recordable
+    from cranectl.support import Provenance
+    from cranectl.tools.robustness.ladder import evaluate_levels, simulated_seconds
+    from cranectl.tools.robustness.levels import LEVELS, NAMES
+    from cranectl.tools.robustness.report.tables import ladder_table
+
+    top = top or NAMES[-1]
+    loaded = request.load()
+    name = controller or loaded.controller.name
+    log = out or Case.LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
+    FileKind.MCAP.check_place(log, option="--out")
+    check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
+    results = []
+    with progress_bar(simulated_seconds(loaded, top)) as advance:
+        for result in evaluate_levels(loaded, name, top=top, progress=advance):
+            advance(0.0, f"{loaded.name}, {result.level.name}")
+            results.append(result)
+    made_by = Provenance.now()
+    Log({r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results}).write_overlay(log)
+    screen.print(ladder_table(results))
+    added = {result.level.name for result in results}
+    unread = [*OF_RUNS, *_other_effects(added)]
+    print_idle_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
+    screen.print(f"log: {log}")
+    screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
+    if report is not None:
+        from cranectl.tools.robustness.report.page import ladder_page
+
+        screen.save_page(ladder_page(loaded, name, results, command.command_given()), report)
+    screen.write_json(
+        {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
+    )
+    return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD
+
+
+def _other_effects(added: set[str]) -> list[str]:
+    """Return patterns of the settings of all effects but those `added`."""
+    from cranectl.scenario import EFFECTS
+
+    return [f"effects.{name}.*" for name in EFFECTS if name not in added]
