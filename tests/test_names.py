@@ -11,8 +11,6 @@ from tests.conftest import ROOT
 PACKAGE = ROOT / "cranectl"
 CLASSES_OF_ONE_NAME: dict[str, str] = {}  # name: why readers do not confuse them
 NUMBERS_OF_ONE_NAME = {
-    "EXTENSION": "an index of a state; each model has its own state",
-    "ROBUSTIFIER": "an index of a state, as EXTENSION",
     "STATES": "the number of states of the model that is the subject of the module",
     "IDEAL_INERTIA": "the same inertia in two engines, each as large as its arithmetic allows",
     "GHOST": "opacity of the same ghost in a viewer and in pictures",

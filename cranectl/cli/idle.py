@@ -97,7 +97,7 @@ def print_idle_in_analysis(
 
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
     """Say which settings of a campaign and of its scenario change nothing in its runs."""
-    from cranectl.campaign.settings import COUNTED
+    from cranectl.campaign import COUNTED
     from cranectl.plants import DRIVES
 
     settings = campaign.settings

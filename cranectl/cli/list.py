@@ -67,7 +67,7 @@ def list_command(screen: Screen) -> None:
 
 def json_schema(document: str) -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a file of the kind `document`, one of DOCUMENTS."""
-    from cranectl.campaign.settings import CampaignSettings
+    from cranectl.campaign import CampaignSettings
     from cranectl.scenario import AddedSegment, RigParameters, Scenario
     from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.measured.mapping import MeasuredMap

@@ -15,7 +15,6 @@ from .flat import regularity as regularity
 from .observer import EXPECTED as EXPECTED
 from .observer import JOINTS as JOINTS
 from .observer import Observer as Observer
-from .observer import correct as correct
 from .observer import initial_estimate as initial_estimate
 from .observer import make_observer as make_observer
 from .observer import observe as observe

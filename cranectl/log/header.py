@@ -92,7 +92,7 @@ def parse_header(file: McapFile, prefix: str = "") -> LogHeader:
     UnsupportedError if an attachment is missing.
     """
     path, metadata = file.path, _named(prefix, file.metadata)
-    attachments = {name: each.data for name, each in _named(prefix, file.attachments).items()}
+    attachments = {name: attached.data for name, attached in _named(prefix, file.attachments).items()}
     if OVERLAY in metadata:
         raise LogError(
             f"{path} is an overlay of the runs {metadata[OVERLAY].get('labels')}",

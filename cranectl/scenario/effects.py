@@ -9,12 +9,14 @@ own `[effects]` or scaled to its size (`scenario.similarity`).
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from cranectl.scenario.effect_base import Effect, Part
+from cranectl.scenario.gusts import gusts
 from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Pair, Scaled, Settings, Triple
 
 Size = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -26,46 +28,6 @@ Seed = Annotated[int, Field(ge=0, lt=2**32)]
 _NO_LIMIT = 1e9  # the largest value of a Limit, which limits nothing
 DAMPING_MOMENT = Scaled(1.5, 1.0)
 WHOLE = ("",)  # stands for the whole effect in place of the names of settings
-
-
-class Part(NamedTuple):
-    """A setting that a plant may lack although it shows the rest of its effect."""
-
-    none: float  # value, for each axis, at which the setting has no effect
-    tried: float  # value to which a plant must react in a test
-    on_axes: bool = False  # whether it is a force on the driven axes
-
-    def acts(self, value: Any) -> bool:
-        """Return True if a value of the setting has an effect."""
-        return any(number != self.none for number in (value if isinstance(value, tuple) else (value,)))
-
-
-class Effect(Settings):
-    """Numbers of an effect, and its properties."""
-
-    adds: ClassVar[str] = ""  # what its level of the ladder adds; empty if the ladder has no such level
-    is_staged: ClassVar[bool] = False  # whether it acts between plant and controller
-    is_structural: ClassVar[bool] = False  # whether it changes the equations of motion smoothly
-    linear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate includes; WHOLE for all
-    nonlinear: ClassVar[tuple[str, ...]] = ()  # settings that the certificate leaves out; WHOLE for all
-    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # by setting: others without which it has no effect
-    set_points: ClassVar[Mapping[str, float]] = {}  # settings of set-points, and their value without effect
-    parts: ClassVar[Mapping[str, Part]] = {}  # by setting; if empty, a plant shows or lacks the whole effect
-
-    def with_numbers(self, numbers: Mapping[str, float]) -> Self:
-        """Return the effect with `numbers` by setting, each for all axes if the setting is a list."""
-        update: dict[str, Any] = dict(numbers)
-        for name, stated in ((name, getattr(self, name)) for name in numbers):
-            if isinstance(stated, tuple):
-                update[name] = (numbers[name],) * len(stated)
-        return self.model_copy(update=update)
-
-    @property
-    def linear_part(self) -> Self | None:
-        """The effect with only those settings that keep a plant linear, or None if there are none."""
-        if self.is_staged or not self.linear:
-            return None
-        return self.with_numbers(dict.fromkeys(self.nonlinear, 0.0))
 
 
 class DriveLimits(Effect):
@@ -312,21 +274,12 @@ class EffectSettings(Settings):
         return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
 
     def air_velocity(self, samples: int, period: float) -> NDArray[np.float64]:
-        """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
-
-        Horizontal gusts are white noise filtered by 1/(1 + T s), the first-order form of Dryden's spectrum
-        (MIL-F-8785C). They are sampled exactly and stationary from the start. Equal seeds give equal wind.
-        """
+        """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3)."""
         wind = self.wind
         if wind is None:
             return np.zeros((samples, 3))
-        from scipy.signal import lfilter
-
-        decay = np.exp(-period / wind.gust_time)
-        white = np.random.default_rng(wind.seed).standard_normal((samples, 2))
-        white[1:] *= np.sqrt(1.0 - decay**2)
-        gusts = wind.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
-        velocity: NDArray[np.float64] = np.array(wind.mean) + np.column_stack([gusts, np.zeros(samples)])
+        drawn = gusts(samples, period, deviation=wind.gust, time=wind.gust_time, seed=wind.seed)
+        velocity: NDArray[np.float64] = np.array(wind.mean) + np.column_stack([drawn, np.zeros(samples)])
         return velocity
 
     @property

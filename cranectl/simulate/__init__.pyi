@@ -18,4 +18,3 @@ from .signal_path import Encoders as Encoders
 from .signal_path import SetpointLimits as SetpointLimits
 from .signal_path import SignalPath as SignalPath
 from .signal_path import limit_command as limit_command
-from .signal_path import read_encoder as read_encoder

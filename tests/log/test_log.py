@@ -24,7 +24,7 @@ from cranectl.scenario.effects import DriveLimits, EffectSettings
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
-from cranectl.support.files import FileKind
+from cranectl.support.file_kinds import FileKind
 from cranectl.support.units import Quantity
 from tests.conftest import closed_loop, cut
 from tests.controllers.test_flat import robust_design

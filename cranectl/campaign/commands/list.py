@@ -10,7 +10,7 @@ from cranectl.cli.command import Command, json_option
 from cranectl.cli.output import Screen, progress_bar
 
 if TYPE_CHECKING:
-    from cranectl.campaign import Campaign, UncertainParameter
+    from cranectl.campaign.definition import Campaign, UncertainParameter
     from cranectl.report.table import Table
 
 QUANTILES = (0.05, 0.95)
@@ -25,7 +25,8 @@ def list_campaigns(screen: Screen) -> None:
     cranectl campaign list
     cranectl campaign list --json -
     """
-    from cranectl.campaign import campaign_names, load_campaign
+    from cranectl.campaign.load import load_campaign
+    from cranectl.campaign.settings import campaign_names
     from cranectl.report.table import Table, cells
 
     campaigns = [load_campaign(name) for name in campaign_names()]

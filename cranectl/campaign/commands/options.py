@@ -84,8 +84,8 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @trust_option("CAMPAIGN")
     @functools.wraps(function)
     def command(campaign: str, overrides: Sequence[str], trust: bool, **options: Any) -> Any:
-        from cranectl.campaign import campaign_file, load_campaign, read_campaign
-        from cranectl.campaign.settings import CampaignSettings
+        from cranectl.campaign.load import load_campaign
+        from cranectl.campaign.settings import CampaignSettings, campaign_file, read_campaign
 
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
         fields = CampaignSettings.model_fields

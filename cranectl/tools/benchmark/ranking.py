@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.summary import EFFORT
+from cranectl.campaign import EFFORT
 from cranectl.support import Array, InconsistentError
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.settings import Benchmark

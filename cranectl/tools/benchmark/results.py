@@ -11,13 +11,21 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from cranectl.campaign.definition import Campaign
-from cranectl.campaign.load import check_values
-from cranectl.campaign.manifest import differences, manifest_of
-from cranectl.campaign.results import MANIFEST_FILE, Results, Store, open_store, read_results
-from cranectl.campaign.table import FAILED
-from cranectl.campaign.worker import PreparedCampaign, StoppedError
-from cranectl.campaign.workers import Engine
+from cranectl.campaign import (
+    FAILED,
+    MANIFEST_FILE,
+    Campaign,
+    Engine,
+    PreparedCampaign,
+    Results,
+    StoppedError,
+    Store,
+    check_values,
+    differences,
+    manifest_of,
+    open_store,
+    read_results,
+)
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.support import InputError, MachineError, Provenance, Table

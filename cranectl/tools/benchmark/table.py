@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.summary import EFFORT, Columns, effort, failed
+from cranectl.campaign import EFFORT, Columns, effort, failed
 from cranectl.metrics import Metric
 from cranectl.support import Array, File, InputError, Mask
 from cranectl.tools.benchmark.trials import Trial

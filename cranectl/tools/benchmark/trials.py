@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import cranectl.metrics
-from cranectl.campaign.definition import Campaign
-from cranectl.campaign.load import unchecked_campaign
-from cranectl.campaign.settings import is_distribution, parse_campaign
+from cranectl.campaign import Campaign, is_distribution, parse_campaign, unchecked_campaign
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import Limits
 from cranectl.plants import PhysicsStep

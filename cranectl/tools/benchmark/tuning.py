@@ -20,12 +20,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.load import check_values
-from cranectl.campaign.summary import failed
-from cranectl.campaign.table import Row
-from cranectl.campaign.worker import PreparedCampaign, StoppedError
-from cranectl.campaign.workers import Children, make_worker
+from cranectl.campaign import (
+    Batch,
+    Campaign,
+    Children,
+    PreparedCampaign,
+    Row,
+    StoppedError,
+    check_values,
+    failed,
+    make_worker,
+)
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import Metric
 from cranectl.scenario import Scenario

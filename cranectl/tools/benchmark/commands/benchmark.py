@@ -112,7 +112,7 @@ def run_benchmark(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a controller could not be run at
     all.
     """
-    from cranectl.campaign.workers import batch_engine
+    from cranectl.campaign import batch_engine
     from cranectl.cli.counts import available_cores
     from cranectl.tools.benchmark.results import run_trials
     from cranectl.tools.benchmark.settings import read_benchmark

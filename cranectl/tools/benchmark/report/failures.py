@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.manifest import controller_from
-from cranectl.campaign.results import MANIFEST_FILE, read_manifest
+from cranectl.campaign import MANIFEST_FILE, controller_from, read_manifest
 from cranectl.report.page import Section
 from cranectl.report.table import Cell, Table, cells
 from cranectl.status import RunStatus

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign.summary import failure_interval
+from cranectl.campaign import failure_interval
 from cranectl.report.page import Section
 from cranectl.report.table import Cell, Table, cells, listed
 from cranectl.tools.benchmark import scores

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cranectl.campaign.table import FAILED
+from cranectl.campaign import FAILED
 from cranectl.report.page import Section
 from cranectl.report.table import Table, cells
 from cranectl.support import Mask

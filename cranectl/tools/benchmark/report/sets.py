@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator, NullLocator
 
-from cranectl.campaign.report.figures import series_style
-from cranectl.campaign.summary import failure_interval
+from cranectl.campaign import failure_interval, series_style
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import ANSWERS, Cell, Table, cells
 from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
