@@ -11,7 +11,7 @@ import pytest
 
 from cranectl.cases import case
 from cranectl.cli.main import main
-from cranectl.cli.validate import agreement_lines
+from cranectl.cli.validate_results import agreement_lines
 from cranectl.compare.agreement import Agreement
 from cranectl.log.reader import read_log
 from cranectl.report.table import Table
@@ -260,7 +260,7 @@ def test_disagreeing_plants_have_one_line_each(monkeypatch: pytest.MonkeyPatch) 
     (table,) = agreement_lines([good])
     assert isinstance(table, Table)
     assert [row[0].text for row in table.rows] == ["fast"]
-    monkeypatch.setattr("cranectl.cli.validate.SHOWN_FAILURES", 1)
+    monkeypatch.setattr("cranectl.cli.validate_results.SHOWN_FAILURES", 1)
     _, failed, more = agreement_lines([good, *bad])
     assert isinstance(failed, Table)
     assert [row[0].text for row in failed.rows] == ["fast", " pid"]
