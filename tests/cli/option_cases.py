@@ -56,12 +56,12 @@ LOGS = {
     "two.mcap": f"{RUN} analytic,mujoco",
 }
 CASES: Cases = {
-    "analysis/certificate/certify.py": [
+    "tools/robustness/certificate/certify.py": [
         Case("take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
              "certify lqr-integral --tilt 10 0 --delay 0.01",
              "certify lqr-integral --tilt 0 0 --hoisting-speed 0 --delay 0.01"),
     ],
-    "analysis/certificate/operating_points.py": [
+    "tools/robustness/certificate/operating_points.py": [
         Case("name fewer of them, and certify in parts",
              "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7" + " --tilt 0 0" * 2001,
              "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7 --tilt 0 0"),
@@ -70,7 +70,7 @@ CASES: Cases = {
         Case("choose such a number, or leave {} out", VALIDATE.format("--jobs 1000000000"),
              VALIDATE.format("--jobs 1"), VALIDATE.format("")),
     ],
-    "analysis/certificate/loop.py": [
+    "tools/robustness/certificate/loop.py": [
         Case("choose another signal with --open-at, or leave it out",
              "certify lqr-integral --open-at v --delay 0.01",
              "certify lqr-integral --open-at u --delay 0.01", "certify lqr-integral --delay 0.01"),
@@ -109,7 +109,7 @@ CASES: Cases = {
         Case("write --max-failures 5%", "campaign report result --max-failures 0.05",
              "campaign report result --max-failures 5%"),
     ],
-    "cli/campaign/options.py": [
+    "campaign/commands/options.py": [
         Case("add --max-failures 5%", "campaign report result --junit junit.xml",
              "campaign report result --junit junit.xml --max-failures 5%"),
     ],
@@ -179,7 +179,7 @@ CASES: Cases = {
              "run own.toml --plants analytic", "run own.toml --plants analytic --trust",
              "run own.toml --plants analytic --controller law.py:damper"),
     ],
-    "export/plant.py": [
+    "tools/export/plant.py": [
         Case("take '--plants {}'", f"{RUN} mujoco --fmu crane.fmu", f"{RUN} analytic --fmu crane.fmu"),
     ],
     "log/export.py": [
@@ -217,7 +217,7 @@ CASES: Cases = {
         Case("take '--plants {}', and {} for single runs", "campaign run many.toml --plants drake",
              "campaign run many.toml --plants mujoco"),
     ],
-    "render/draw.py": [
+    "tools/render/draw.py": [
         Case("choose a higher --speed or a lower --fps, or an .mp4",
              "render four.mcap a.gif --size 400x300 --speed 0.01 --fps 60",
              "render four.mcap a.gif --size 400x300 --speed 4 --fps 2"),

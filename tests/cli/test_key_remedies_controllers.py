@@ -66,7 +66,7 @@ CASES = {
         Case("add --scenario fast-diagonal, or another one", f"{WITHOUT} c",
              f"{WITHOUT} c --scenario fast-diagonal"),
     ],
-    "export/prepared.py": [
+    "tools/export/prepared.py": [
         Case("write the step with numbers, loops and functions of math", f"{EXPORT} c law.py:slow",
              f"{EXPORT} c law.py:law"),
         Case("export the Python controller that it was made from, or compile its own source",
@@ -74,7 +74,7 @@ CASES = {
         Case("correct the controller, or take another scenario", f"{EXPORT} c law.py:ending",
              f"{EXPORT} c law.py:law"),
     ],
-    "export/expressions.py": [
+    "tools/export/expressions.py": [
         Case("write line {} of {} in another way", f"{EXPORT} c law.py:modulo", f"{EXPORT} c law.py:law"),
     ],
     "loaders/python_controller.py": [

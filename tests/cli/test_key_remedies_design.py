@@ -54,7 +54,7 @@ CASES = {
              ["cranectl design lqr+loop-shaping", STRONGEST, "design.input_weight=1e6"]),
         Case(LOOSER, [SHAPED, HIGH, "design.loop_shaping.integral=1e-6"], [SHAPED, HIGH]),
     ],
-    "analysis/certificate/operating_points.py": [
+    "tools/robustness/certificate/operating_points.py": [
         Case("choose other rope lengths, or set rig.rope_range", f"{CERTIFY} --rope-length 9",
              f"{CERTIFY} --rope-length 1", [f"{CERTIFY} --rope-length 9", "rig.rope_range=[0.05, 10.0]"]),
         Case("choose a smaller tilt or a shorter rope", f"{CERTIFY} --rope-length 1 --tilt 80 0",

@@ -172,7 +172,7 @@ CASES = {
         Case("leave relative out", [SHOW, "effects.wind={}",
               "uncertain.effects.wind.seed={distribution='integers', relative=true}"], SHOW),
     ],
-    "campaign/benchmark/settings.py": [
+    "tools/benchmark/settings.py": [
         Case("name one of these, or add it to [scenarios]", benchmark("named"), benchmark("right")),
         Case("state them in increasing order, each once", benchmark("spreads"), benchmark("right")),
         Case("name another second_plant", benchmark("plant"), benchmark("right")),

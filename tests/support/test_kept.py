@@ -101,7 +101,7 @@ def test_every_file_that_planning_and_design_use_counts(monkeypatch: pytest.Monk
 def test_unrelated_files_and_comments_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
     used = set(sources.imported_files(PLANNER))
     unrelated = set(sources.PACKAGE.rglob("*.py")) - used
-    assert sources.PACKAGE / "cli/thesis.py" in unrelated
+    assert sources.PACKAGE / "tools/thesis/command.py" in unrelated
     before = digest(monkeypatch, PLANNER)
     assert digest(monkeypatch, PLANNER, unrelated, add_code) == before
     assert digest(monkeypatch, PLANNER, used, add_comment) == before
