@@ -97,7 +97,7 @@ CASES = {
         Case("leave blend out there, so that the load stops, or move the corner",
              lines([1.1, 0.77, -0.7], 0.01, PLANNED), lines([1.1, 0.77, -0.7], 0.0, SHORTEST)),
     ],
-    "reference/sanity.py": [
+    "scenario/scenario.py": [
         Case("{}{}{}", ["duration=0.1", line(POINT)], ["duration=2.0", line(POINT)], "duration=0.1"),
     ],
 }  # fmt: skip

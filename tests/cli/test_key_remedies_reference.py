@@ -158,9 +158,11 @@ CASES = {
              through("times=[0, 3, 3.0000001, 5, 7]", route=UNEVEN),
              through("times=[0, 3, 5, 7]", route=EVEN)),
     ],
-    "reference/sanity.py": [
+    "scenario/scenario.py": [
         Case("{}{}{}", [samples(), "duration=3.0"], [samples(), "duration=5.0"]),
         Case("{}{}{}", samples("millis.csv"), samples("millis.csv", "units={time='ms', length='m'}")),
+    ],
+    "reference/sanity.py": [
         Case("leave these rows out, or record the motion again", samples("nan.csv"), samples("less.csv")),
         Case("correct the units, or record the motion again", samples("far.csv"), samples()),
         Case("sort the rows, and keep one of each time", samples("late.csv"), samples()),
