@@ -113,8 +113,8 @@ def test_the_remedy_for_too_much_memory_works() -> None:
 
 def test_the_bound_is_four_copies_of_all_columns(counted: list[float]) -> None:
     short = scenario(duration=1.0)
-    memory.check_planned(short)
-    memory.check_several(short, ALL_CONTROLLERS.design("lqr", short), 0, "nothing", columns=5)
+    RunMemory(short).check_planned()
+    RunMemory(short).check_several(ALL_CONTROLLERS.design("lqr", short), 0, "nothing", columns=5)
     assert counted == [1001 * (memory.PLANNED + more) * 8 * 4 for more in (0, 5)]
 
 
