@@ -25,14 +25,14 @@ Keep = Literal["all", "failed", "none"]
 class RunSummary:
     """Summary of a run after its log is written."""
 
-    scenario: str
-    controller: str
-    plant: str
-    drive: str
-    status: RunStatus
-    end_s: float
+    scenario: str  # its name
+    controller: str  # its name
+    plant: str  # its name
+    drive: str  # kind of drive
+    status: RunStatus  # how the run ended
+    end_s: float  # when it ended [s]
     log: Path | None  # None if it is not kept
-    metrics: RunMetrics | None
+    metrics: RunMetrics | None  # None for a run without samples
     limits: tuple[LimitVerdict, ...] = ()  # of its scenario
     beyond_drives: str = ""  # commands that drives with limits could not follow, in words
 
@@ -89,7 +89,7 @@ class PairDifference:
 class CaseResult:
     """Result of a case."""
 
-    runs: tuple[RunSummary, ...]
+    runs: tuple[RunSummary, ...]  # one for each plant; an interrupted run is the last
     agreements: tuple[Agreement, ...]  # of plants with samples, if the reference plant has samples
     expected: str  # status in which runs should end
     pairs: tuple[PairDifference, ...] = ()  # all pairs of plants, if requested
@@ -137,7 +137,7 @@ class CaseResult:
 class Failure:
     """The reason why a case has no result."""
 
-    reason: str
+    reason: str  # what the error says
     bad_input: bool  # else it is unexpected
     trace: str = ""  # traceback of an unexpected error
 
@@ -154,13 +154,13 @@ class Failure:
 class Case:
     """A case to run, and its log."""
 
-    LOG_DIRECTORY: ClassVar = Path("logs")
+    LOG_DIRECTORY: ClassVar = Path("logs")  # below it a log is written by default
 
-    scenario: Scenario
-    controller: str
-    drive: Drive
-    plants: tuple[str, ...]
-    log: Path
+    scenario: Scenario  # what is run
+    controller: str  # its name
+    drive: Drive  # kind of drive of all runs
+    plants: tuple[str, ...]  # their names, in the order of the runs
+    log: Path  # file that receives the runs of all plants, unless `keep` is "none"
     source: str  # name or file of the scenario, as requested
     keep: Keep = "all"  # logs to keep
     pairwise: bool = False  # whether every plant is compared with every other

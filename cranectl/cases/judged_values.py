@@ -19,12 +19,12 @@ class JudgedValue:
     BETWEEN_PLANTS: ClassVar = "plants"  # key of a difference between plants
 
     key: str  # name of a metric, or BETWEEN_PLANTS
-    name: str
-    limit: str
-    measured: str
+    name: str  # what is judged, in words
+    limit: str  # with its unit; empty if the runs end in different ways
+    measured: str  # with its unit; empty if there is no value
     kept: bool  # whether the value is within the limit
     overrun: float  # ratio of value and limit
-    sign: str = "≤"
+    sign: str = "≤"  # between value and limit: ≤, or ≥ for a lower limit; empty without a limit
 
     @property
     def fault(self) -> str:

@@ -25,17 +25,17 @@ ORDER_ROUNDING = 1e-14  # of the rope's length; smaller differences are rounding
 class WorstPair:
     """Largest differences of two plants with the same drives over all cases."""
 
-    drive: str
-    plant: str
-    reference: str
-    cases: int
-    failed: int
-    not_judged: int
-    load_m: float
-    angle_rad: float
-    tension_n: float
+    drive: str  # kind of drive of both
+    plant: str  # the plant that is compared
+    reference: str  # the plant with which it is compared
+    cases: int  # number of cases with both plants
+    failed: int  # cases in which the plants disagree
+    not_judged: int  # cases without a verdict on the plants
+    load_m: float  # largest distance of the loads [m]
+    angle_rad: float  # largest difference of a cardan angle [rad]
+    tension_n: float  # largest difference of the tensions of the rope [N]
     scenario: str  # in which the loads are farthest apart
-    controller: str
+    controller: str  # of the same case
 
     def __post_init__(self) -> None:
         """Raise InconsistentError for more verdicts than cases."""
@@ -61,8 +61,8 @@ class PlantAlone:
 class Pairwise:
     """Result of `validate --pairwise`."""
 
-    pairs: tuple[WorstPair, ...]
-    plants: tuple[PlantAlone, ...]
+    pairs: tuple[WorstPair, ...]  # one for each drive and pair of plants
+    plants: tuple[PlantAlone, ...]  # one for each plant and drive in these pairs
 
     @classmethod
     def of(cls, validation: Validation) -> "Pairwise":

@@ -12,11 +12,11 @@ from cranectl.support import InputError, Provenance
 class Regression(NamedTuple):
     """Result of judging a log against a golden log."""
 
-    verdicts: list[RegressionVerdict]
+    verdicts: list[RegressionVerdict]  # one for each plant that both logs have
     missing: tuple[str, ...]  # plants that only the golden log has
     added: tuple[str, ...]  # plants that only the new log has
-    differing_fields: Differences
-    software_differences: list[str]
+    differing_fields: Differences  # settings that differ, from the runs on the first of these plants
+    software_differences: list[str]  # versions that may explain different numbers, a line for each
 
     @property
     def passed(self) -> bool:

@@ -20,15 +20,15 @@ class Verdict(NamedTuple):
     """Verdict on a case, or on a scenario that cannot be loaded (without case, controller and drive)."""
 
     scenario: str  # name or file, as requested
-    controller: str
-    drive: str
-    plants: tuple[str, ...]
-    kind: Kind
+    controller: str  # its name, or empty
+    drive: str  # kind of drive, or empty
+    plants: tuple[str, ...]  # names of the plants
+    kind: Kind  # passed, failed, or error if there is no result
     faults: tuple[str, ...]  # sentences that say why it did not pass
     log: str  # empty without a log
     overrun: float = math.inf  # largest ratio of a value to its limit; inf for an unexpected end
-    case: Case | None = None
-    result: CaseResult | None = None
+    case: Case | None = None  # what was run; None if the scenario cannot be loaded
+    result: CaseResult | None = None  # None for the kind error
 
     @property
     def name(self) -> str:
@@ -53,10 +53,10 @@ class Verdict(NamedTuple):
 class Validation:
     """Cases with their outcome, and failures to load scenarios, by the requested name or file."""
 
-    cases: tuple[Case, ...]
-    outcome: CasesOutcome
-    unloaded: Mapping[str, Failure]
-    plants: tuple[str, ...]
+    cases: tuple[Case, ...]  # in the order of the request
+    outcome: CasesOutcome  # their results in the same order, and whether an interrupt ended them
+    unloaded: Mapping[str, Failure]  # by the requested name or file of a scenario that cannot be loaded
+    plants: tuple[str, ...]  # all plants of the cases, or those requested if there is no case
 
     @classmethod
     def run(

@@ -20,7 +20,7 @@ ROBUSTIFIERS = {
     "hinf": ", robustified by mixed sensitivity",
     "loop-shaping": ", robustified by loop shaping",
 }
-TITLES = {
+TITLES = {  # what each controller of the flat family is, in words, by its name
     f"{feedback}+{robustifier}".rstrip("+"): title + by
     for feedback, title in FEEDBACKS.items()
     for robustifier, by in ROBUSTIFIERS.items()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from cranectl.design.discretisation import SampledBlocks
 
-Value = float | str
+Value = float | str  # of a parameter of a controller: a number, or one of its words
 BY_HAND = ", gains by hand"  # end of the name of a design whose gains were changed
 # The system z'''' = v of one axis, as arrays: importing python-control takes most of a second.
 CHAIN_A: Array = np.diag(np.ones(3), 1)

@@ -52,7 +52,7 @@ class Layer:
 class Log:
     """The runs of one or several logs, those of an overlay by label, all others by plant."""
 
-    layers: Mapping[str, Layer]
+    layers: Mapping[str, Layer]  # by label in an overlay, else by plant
 
     @classmethod
     def read(cls, path: str | Path) -> "Log":

@@ -88,14 +88,14 @@ class Topics:
 
     run: str  # its plant or label
 
-    REFERENCE: ClassVar = "/reference/load"
-    PATH: ClassVar = "/reference/path"
-    WORKSPACE: ClassVar = "/rig/workspace"
-    TRANSFORMS: ClassVar = "/tf"
-    LOG: ClassVar = "/log"
-    RUN_INFO: ClassVar = "/run/info"
-    DESIGN: ClassVar = "/controller/design"
-    DISTANCE: ClassVar = SignalGroup(
+    REFERENCE: ClassVar = "/reference/load"  # desired load, with four derivatives
+    PATH: ClassVar = "/reference/path"  # drawing of the desired path and the desired load
+    WORKSPACE: ClassVar = "/rig/workspace"  # drawing of the workspace and the obstacles
+    TRANSFORMS: ClassVar = "/tf"  # frames of the cranes, and of the desired load
+    LOG: ClassVar = "/log"  # events as text
+    RUN_INFO: ClassVar = "/run/info"  # names, plants and status of the runs, and the software
+    DESIGN: ClassVar = "/controller/design"  # the controller in words and numbers
+    DISTANCE: ClassVar = SignalGroup(  # how far a run is from another; a name and not a whole topic
         "distance",
         "Distance",
         "how far the plants are apart",

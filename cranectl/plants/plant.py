@@ -54,7 +54,7 @@ class Drives(dict[Drive, DriveKind]):
         raise InputError.unknown("drive", name, self)
 
 
-DRIVES = Drives(
+DRIVES = Drives(  # every kind of drive by its name: ideal, velocity and force
     {
         "ideal": DriveKind("acceleration", column=0, at_rest="nothing"),
         "velocity": DriveKind(

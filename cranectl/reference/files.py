@@ -14,6 +14,7 @@ from cranectl.support import Array, File, InputError
 
 MAX_TABLE_BYTES = 32 * 2**20  # ten minutes of samples at 1 kHz take 24 MiB as text
 MCAP_MAGIC = b"\x89MCAP"
+# Units that a file may have, each with its factor to SI: s, m or m/s.
 SI_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SI_FACTORS |= {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1.0 / 60.0}
 AXES = ("x", "y", "z")

@@ -24,7 +24,7 @@ class TimeLaw:
     # Of a planned law: C⁶ with simple knots, so the fifth derivative, which acts on drives, is continuous.
     DEGREE: ClassVar = 7
 
-    law: str | tuple[float, ...] = "degree-9"
+    law: str | tuple[float, ...] = "degree-9"  # a name, or coefficients of a B-spline of path over time
 
     @classmethod
     def of(cls, segment: Along | Spline) -> "TimeLaw":

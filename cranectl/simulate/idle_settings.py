@@ -52,9 +52,9 @@ UNUSED = {
 class RunKind(NamedTuple):
     """Plant, drives and controller of a run."""
 
-    plant: str
-    drive: Drive
-    controller: str = ""
+    plant: str  # its name
+    drive: Drive  # kind of drive
+    controller: str = ""  # its name
 
     @staticmethod
     def find_idle_settings(

@@ -47,7 +47,7 @@ class LoopInputs(NamedTuple):
     unloaded: UnloadedDrives  # their accelerations are recorded if the controller commands velocities
     reference: Array  # (N, 15)
     disturbance: Array  # (N, 2) [rad/s²]
-    wind: Array  # (N, 3) velocity of the air [m/s]
+    wind: Array  # (N, 6) velocity of the air [m/s], other force on the load [N]
     workspace: Array  # (3, 2) [m]
     stop_outside: bool  # whether the run ends if an axis leaves the workspace
     command_column: int  # first column of the record with the commands of this kind of drives

@@ -25,7 +25,7 @@ PLANNED = 7 + len(SignalGroup.REFERENCE) + len(SignalGroup.STATE) + len(SignalGr
 class RunMemory(NamedTuple):
     """The memory that runs of a scenario need. Each check raises InputError for runs that need too much."""
 
-    scenario: Scenario
+    scenario: Scenario  # its duration, period and effects say how much
 
     def check_planned(self, *, others: Iterable[Scenario] = ()) -> None:
         """Check the plans of the scenario and `others` together."""

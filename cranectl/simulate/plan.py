@@ -64,7 +64,7 @@ class PlannedReference:
 class Plan(PlannedReference):
     """A planned reference with the scenario of a run, its initial state and its disturbances."""
 
-    scenario: Scenario
+    scenario: Scenario  # what is run; its rig and effects may differ from those of the reference
     initial_state: Array  # (10,) on the reference, unless the scenario has offsets
     disturbance: Array  # (N, 2) [rad/s²]
     wind: Array  # (N, 6) velocity of the air [m/s], other force on the load [N]

@@ -107,12 +107,12 @@ class SignalPath(NamedTuple):
 
     sensed: bool  # whether encoders and observer measure the state; else the true state is measured
     readings: Array  # (5,) of the encoders
-    encoders: Encoders
-    observer: Observer
+    encoders: Encoders  # steps and noise of the readings
+    observer: Observer  # estimates the state from the readings
     estimate: Array  # the observer's memory
     assumed: Array  # (3,) accelerations of the drives that the observer assumes [m/s²]
-    calibration: CalibrationError
-    limits: SetpointLimits
+    calibration: CalibrationError  # what the controller does not know of rope and drives
+    limits: SetpointLimits  # of the set-points of velocity drives; infinite for others
     previous: Array  # (3,) last command after limits
     line: Array  # (samples of delay, 3) commands that have not arrived yet
     clock: NDArray[np.int64]  # (1,) samples since the start

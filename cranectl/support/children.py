@@ -244,8 +244,8 @@ class Program(NamedTuple):
     """What a foreign program said that has ended."""
 
     exit_code: int  # -N after signal N
-    output: str
-    errors: str
+    output: str  # what it wrote to standard output
+    errors: str  # what it wrote to standard error
 
     @property
     def end(self) -> str:

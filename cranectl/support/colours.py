@@ -25,7 +25,7 @@ class Palette(dict[str, str]):
     """Colours `#rrggbb` by their role."""
 
     LIGHT: ClassVar["Palette"]  # on a light ground, as pictures have
-    DARK: ClassVar["Palette"]
+    DARK: ClassVar["Palette"]  # on a dark ground
     VIEWER: ClassVar["Palette"]  # seen on both
 
     @property

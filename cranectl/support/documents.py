@@ -12,7 +12,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.file_kinds import FileKind
 from cranectl.support.files import File
 
-Table = dict[str, Any]
+Table = dict[str, Any]  # a table of TOML, whose values may be tables and lists
 Content = TypeVar("Content")
 
 # Scenarios, campaigns and designs have some thousands; a MiB takes half a second to parse.
@@ -150,5 +150,7 @@ def _check_depth(content: Any) -> None:
     raise RecursionError
 
 
+# Reads tables of TOML, and writes them.
 TOML = _Toml("TOML", _toml)
+# Reads values of JSON.
 JSON = DocumentFormat[Any]("JSON", json.loads)

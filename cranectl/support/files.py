@@ -27,7 +27,7 @@ except ImportError:  # Windows
 class File:
     """A file of the user, which is read, or written as a whole or not at all."""
 
-    path: Path
+    path: Path  # as the user names it
 
     def exists(self) -> bool:
         """Return True if something exists at the path; an error counts as nothing there."""

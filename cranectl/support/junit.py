@@ -8,10 +8,10 @@ from xml.etree import ElementTree
 class JUnitCase(NamedTuple):
     """One test; `lines` say why it did not pass, the first as its summary."""
 
-    group: str
-    name: str
+    group: str  # the class of the test, such as a scenario
+    name: str  # of the test in its group
     kind: Literal["passed", "failed", "error"]  # error: no result
-    lines: Sequence[str] = ()
+    lines: Sequence[str] = ()  # empty only for a test that passed
 
     @staticmethod
     def document(cases: "Sequence[JUnitCase]", command: str) -> str:

@@ -13,7 +13,7 @@ from cranectl.support.errors import InputError
 class Tree:
     """A table, a list or a plain value, and all that is in it."""
 
-    node: Any
+    node: Any  # the table, list or value itself
 
     @property
     def is_plain(self) -> bool:

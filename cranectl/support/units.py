@@ -17,8 +17,8 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 class Quantity:
     """A number with its unit, and its texts."""
 
-    value: float
-    unit: str = ""
+    value: float  # in `unit`
+    unit: str = ""  # of the value, such as m/s; empty for a pure number
 
     PROCESSOR_ROUNDING: ClassVar = 1e-9  # m, rad, N, ...: smaller differences between runs depend on it
 

@@ -20,7 +20,7 @@ class ReadColumn:
     values: Array  # (N,) NaN for missing cells
     is_time: bool = False  # whether they are time stamps, in seconds after the first
 
-    MAX_LENGTH: ClassVar = 20_000_000
+    MAX_LENGTH: ClassVar = 20_000_000  # rows of a file that are read
 
     @staticmethod
     def check_length(rows: int, where: str, longest: int = MAX_LENGTH) -> None:

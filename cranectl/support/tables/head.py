@@ -26,6 +26,7 @@ class TableHead:
     left_out: tuple[str, ...] = ()  # what the file holds and the columns do not, in words
     is_ordered: bool = True  # False for messages, which are in the order of their arrival
 
+    # The kinds of files that can be read, in words.
     READABLE: ClassVar = "CSV, Parquet, MCAP, MATLAB (.mat), HDF5, Excel (.xlsx) or a ROS bag"
 
     def read(self, column: int, *, is_clock: bool = False) -> ReadColumn:
