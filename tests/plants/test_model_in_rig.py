@@ -128,7 +128,8 @@ def test_a_number_of_the_rig_may_be_rounded(
     """A drive that pushes with 60 N s/m has a lag of its mass over 60 s."""
     entry = PLANTS.find(str(crane_with(tmp_path)), RigParameters())
     numbers = {**entry.fixed, "trolley_mass": mass, "trolley_time_constant": mass / 60}
-    monkeypatch.setitem(PLANTS, entry.name, replace(entry, fixed=numbers))
+    entry = replace(entry, fixed=numbers)
+    monkeypatch.setitem(PLANTS, entry.name, entry)
     rig = RigParameters().model_copy(update={**numbers, "trolley_time_constant": lag})
     scenario = load_scenario("fixed-position").model_copy(update={"rig": rig, "disturbances": ()})
     if fits:

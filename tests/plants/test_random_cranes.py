@@ -101,7 +101,7 @@ def test_the_program_fails_for_differences_that_steps_do_not_cause(
     monkeypatch.setattr(
         random_cranes, "run_cases", lambda *_, **__: CasesOutcome([result], interrupted=False)
     )
-    monkeypatch.setattr(random_cranes, "pairwise", lambda _: Pairwise((), ()))
+    monkeypatch.setattr(Pairwise, "of", lambda _: Pairwise((), ()))
     monkeypatch.setattr(random_cranes, "is_step_error", lambda *_: from_steps)
     monkeypatch.setattr("sys.argv", ["random_cranes.py", "--seed", "1a", "--cases", "1"])
     assert random_cranes.main() == code

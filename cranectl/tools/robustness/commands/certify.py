@@ -15,7 +15,7 @@ from cranectl.support import FileKind
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
 TILTS = ((0.0, 0.0), (0.5, 0.5), (1.0, 1.0))
 HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
-DRIVES = ("bridge", "trolley", "winch")
+DRIVEN = ("bridge", "trolley", "winch")
 
 
 @click.command("certify", cls=command.Command)
@@ -101,7 +101,7 @@ def certify_command(
     from cranectl.tools.robustness.report.tables import drive_table, limit_table, map_table, summary_lines
 
     if time_constant is not None:
-        request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVES))
+        request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVEN))
     if delay is not None:
         request = request.having(f"effects.delay.seconds={delay!r}")
     loaded = request.load()
