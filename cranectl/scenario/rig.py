@@ -56,11 +56,7 @@ class PlantSettings(Settings):
 
 
 class RigParameters(Settings):
-    """Describe a rig by its physical parameters, in SI units.
-
-    Its fields are those of a rig file. It is immutable, and checked when it is made: masses, ranges and
-    drives must fit together. `load_rig` turns what is wrong into an InputError.
-    """
+    """Physical parameters of the rig, in SI units."""  # schemas of files show this text
 
     gravity: Annotated[float, Field(ge=1.0, le=30.0)] = Field(  # wider than from the Moon to Jupiter
         9.81, description="gravitational acceleration [m/s²]; the usual rounded value"

@@ -55,12 +55,7 @@ class ReferenceSettings(Settings):
 
 
 class Scenario(Settings):
-    """Describe a run: reference, disturbances, rig and settings.
-
-    Its fields are the tables of a scenario file, in SI units. It is immutable, and checked when it is made:
-    all times are multiples of the control period and end within the run. `read_scenario` turns what is
-    wrong into an InputError.
-    """
+    """A run: reference, disturbances, rig and settings."""  # schemas of files show this text
 
     MIN_PERIOD: ClassVar[float] = MIN_DURATION  # [s] of the control loop
     MAX_SECONDS: ClassVar[float] = MAX_DURATION  # of a run
