@@ -14,8 +14,6 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from llvmlite import binding, ir
-
 from cranectl.support.errors import printable
 from cranectl.support.interrupts import in_background
 from cranectl.support.turns import held_in_forks
@@ -98,6 +96,8 @@ class ForeignCode:
 
         `step` is the address of a controller's step. Both functions take five pointers and return an int64.
         """
+        from llvmlite import binding, ir  # 100 MB, in each process that reads a file
+
         pointer, whole = ir.IntType(8).as_pointer(), ir.IntType(64)
         signature = ir.FunctionType(whole, [pointer] * 5)
         of_environment = ir.FunctionType(ir.IntType(32), [pointer])
