@@ -6,10 +6,10 @@ import pytest
 
 from cranectl.cases import Case
 from cranectl.cli.main import main
+from cranectl.controllers import CompiledController
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import runner
 from tests.conftest import PLANTS
 
 
@@ -17,13 +17,13 @@ from tests.conftest import PLANTS
 def test_a_controller_is_compiled_once_for_all_plants(
     controller: str, short: Scenario, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    prepared, prepare = [], runner.compile_controller
+    prepared, prepare = [], CompiledController.of
 
     def count(*arguments):
         prepared.append(prepare(*arguments))
         return prepared[-1]
 
-    monkeypatch.setattr(runner, "compile_controller", count)
+    monkeypatch.setattr(CompiledController, "of", count)
     result = Case.of(short, controller=controller, log=tmp_path / "a.mcap").run()
     assert [run.plant for run in result.runs] == list(PLANTS)
     assert result.passed

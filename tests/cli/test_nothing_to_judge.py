@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cranectl.cli
+import cranectl
 from cranectl.cases import Case
 from cranectl.cases.assertions import CaseRuns, assert_agree, assert_limits
-from cranectl.cli.main import main
+from cranectl.cli.main import ELSEWHERE, main
 from cranectl.compare import Tolerances
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario
@@ -89,21 +89,26 @@ ALWAYS = {
     "ladder": "its levels begin with two",
     "run": "it judges how its run ended",
     "thesis": "it runs all of the chapter",
-    "measured": "the part of `validate` for measured runs; tests/tools/measured/test_verdict.py",
+    "verdict": "the part of `validate` for measured runs; tests/tools/measured/test_verdict.py",
 }
 
 
 def test_every_command_that_judges_is_listed() -> None:
     """They are the commands whose source has a code for what failed."""
     codes = {"LIMIT_EXCEEDED", "RUN_STOPPED"}
-    folder = Path(cranectl.cli.__file__).parent
+    package = Path(cranectl.__file__).parent
+    names = {module: name for name, module in ELSEWHERE.items()}
     judging = set()
-    for path in folder.rglob("*.py"):
-        names = {
-            node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)
-        }
-        if names & codes and path.name not in ("exit_codes.py", "pytest_plugin.py"):
-            judging.add(path.relative_to(folder).with_suffix("").parts[0])
+    files = [path for folder in ("cli", "campaign", "tools") for path in (package / folder).rglob("*.py")]
+    for path in files:
+        *package.glob("cli/*.py"),
+        *package.glob("campaign/**/*.py"),
+        *package.glob("tools/**/*.py"),
+    ]:
+        own = {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)}
+        if own & codes and path.name not in ("exit_codes.py", "pytest_plugin.py"):
+            parts = path.relative_to(package).with_suffix("").parts
+            judging.add("campaign" if parts[0] == "campaign" else names.get(".".join(parts), parts[-1]))
     assert judging <= {*NOTHING, *ALWAYS}
     assert ALWAYS.keys() <= judging
     assert not NOTHING.keys() & ALWAYS.keys()

@@ -233,7 +233,7 @@ def test_an_interrupted_run_ends_the_test_session(monkeypatch: pytest.MonkeyPatc
     run = replace(closed_loop("fixed-position", "lqr", "analytic"), status=RunStatus.INTERRUPTED)
     monkeypatch.setattr(cases, "simulate_run", lambda *_, **__: run)
     with pytest.raises(KeyboardInterrupt):
-        CaseRuns(cases.make_case(load_scenario("fixed-position")))
+        CaseRuns(cases.Case.of(load_scenario("fixed-position")))
 
 
 def test_runs_that_end_at_different_times_do_not_agree(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -243,4 +243,4 @@ def test_runs_that_end_at_different_times_do_not_agree(monkeypatch: pytest.Monke
         cases, "simulate_run", lambda *_, plant, **__: replace(run, plant=plant, end_ns=ends[plant])
     )
     with pytest.raises(AssertionError, match=r"^analytic ends at 18 s, mujoco at 18\.021 s$"):
-        assert_agree(CaseRuns(cases.make_case(load_scenario("fixed-position"), plants=PAIR)), load_m=1.0)
+        assert_agree(CaseRuns(cases.Case.of(load_scenario("fixed-position"), plants=PAIR)), load_m=1.0)

@@ -154,7 +154,7 @@ def follow(source: str, rig: str, given: Sequence[str], drive: str, plants: Sequ
             case = Case.of(scenario, controller=law, drive=DRIVES.checked(drive), plants=plants)
             case.prepare()
             for plant in plants:
-                PLANTS.make(plant, scenario, DRIVES.checked(drive))
+                ALL_PLANTS.make(plant, scenario, DRIVES.checked(drive))
         except InputError as error:
             more, other_drive, other_plants = typed(error.remedy)
             if not (more or other_drive or other_plants):
