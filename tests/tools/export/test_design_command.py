@@ -91,6 +91,8 @@ def test_a_reference_that_is_too_long_is_refused() -> None:
     """The remedy is a duration with half as many samples as are allowed."""
     exported = prepared("lqr")
     rows = np.zeros((100_001, 15))
+    compiled = exported.prepared.compiled._replace(reference=rows)
+    longer = replace(exported, prepared=exported.prepared._replace(compiled=compiled))
     with pytest.raises(InputError, match="100001 samples") as refused:
-        exported_files(replace(exported, compiled=exported.compiled._replace(reference=rows)), "")
+        exported_files(longer, "")
     assert refused.value.remedy == "add --set duration=50, or take a shorter scenario"

@@ -68,10 +68,11 @@ def test_the_whole_sample_passes_the_sanitisers(tmp_path: Path) -> None:
 def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
     """After the last sample the table has as many rows as one sample needs."""
     exported = prepared("lqr")
+    compiled = exported.prepared.compiled._replace(reference=np.zeros((9, 15)), samples=6)
     ahead = replace(
         exported,
         controller=replace(exported.controller, preview=3),
-        compiled=exported.compiled._replace(reference=np.zeros((9, 15)), samples=6),
+        prepared=exported.prepared._replace(compiled=compiled),
     )
     text = exported_files(ahead, "")["reference.h"]
     assert "#define cranectl_lqr_ROWS 6\n" in text
