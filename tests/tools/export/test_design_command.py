@@ -92,7 +92,7 @@ def test_a_reference_that_is_too_long_is_refused() -> None:
     exported = prepared("lqr")
     rows = np.zeros((100_001, 15))
     compiled = exported.prepared.compiled._replace(reference=rows)
-    longer = replace(exported, prepared=exported.prepared._replace(compiled=compiled))
+    longer = replace(exported, prepared=replace(exported.prepared, compiled=compiled))
     with pytest.raises(InputError, match="100001 samples") as refused:
         exported_files(longer, "")
     assert refused.value.remedy == "add --set duration=50, or take a shorter scenario"

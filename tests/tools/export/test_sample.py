@@ -72,7 +72,7 @@ def test_a_controller_that_looks_ahead_finds_all_its_rows() -> None:
     ahead = replace(
         exported,
         controller=replace(exported.controller, preview=3),
-        prepared=exported.prepared._replace(compiled=compiled),
+        prepared=replace(exported.prepared, compiled=compiled),
     )
     text = exported_files(ahead, "")["reference.h"]
     assert "#define cranectl_lqr_ROWS 6\n" in text
