@@ -52,7 +52,7 @@ class UncertainParameter:
 class Campaign:
     """Everything that decides the samples of a campaign, equal in every process that loads it."""
 
-    settings: CampaignSettings
+    settings: CampaignSettings  # of its file
     nominal: Scenario  # what the controller assumes
     parameters: tuple[UncertainParameter, ...]  # columns of all samples
     runs: int  # number of samples
@@ -84,10 +84,10 @@ MAX_BATCHES = 1024  # batches of one plant and controller, and so files of a res
 class Batch(NamedTuple):
     """Samples [first, last) with one controller on one plant."""
 
-    plant: str
-    controller: str
-    first: int
-    last: int
+    plant: str  # by name
+    controller: str  # by name
+    first: int  # number of its first sample
+    last: int  # number after that of its last sample
 
     @property
     def runs(self) -> int:

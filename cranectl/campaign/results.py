@@ -37,7 +37,7 @@ from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_n
 from cranectl.scenario import HeldFiles
 from cranectl.support import JSON, File, InputError, Provenance, Table
 
-MANIFEST_FILE = "campaign.json"
+MANIFEST_FILE = "campaign.json"  # in the directory of a result: what was run, and by what software
 PARTS = "parts"
 REPLAYS = "replays"
 LOCK_FILE = ".lock"
@@ -51,8 +51,8 @@ SHOWN_PARTS = 5  # damaged parts or differences named in a message
 class Results:
     """The runs of a campaign, by plant, controller and sample."""
 
-    directory: Path
-    campaign: Campaign
+    directory: Path  # of the result
+    campaign: Campaign  # that was run
     manifest: Table  # the content of campaign.json
     missing: tuple[Batch, ...]  # empty for a finished result
     table: Any  # pyarrow.Table, columns as in `table.row_columns`
@@ -164,8 +164,8 @@ def _survey(
 class Store:
     """A result that this process has locked for writing."""
 
-    directory: Path
-    campaign: Campaign
+    directory: Path  # of the result
+    campaign: Campaign  # that was run
     origin: SoftwareOrigin  # the installed software, which makes the missing parts
     missing: tuple[Batch, ...]  # batches to run
     quarantined: tuple[str, ...]  # a phrase for each damaged part that was renamed

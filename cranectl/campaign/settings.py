@@ -49,7 +49,7 @@ class CampaignSettings(Settings):
     runs: Annotated[int, Field(ge=1, le=MAX_RUNS)] | None = Field(
         None, description="number of samples, each run with every controller on every plant"
     )
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0  # from which parameters and noise are drawn
     sampling: Sampling = "latin-hypercube"
     spread: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
         1.0,

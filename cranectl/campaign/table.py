@@ -27,7 +27,7 @@ from cranectl.metrics import Metric, RunMetrics
 from cranectl.support import File, Interruption, Provenance
 
 Value = int | float | str | None
-Row = dict[str, Value]
+Row = dict[str, Value]  # a run: its parameters, metrics and status, by name of the column
 
 FAILED = "failed"  # status of a run that could not be run; all others are labels of RunStatus
 
