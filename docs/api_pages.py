@@ -73,11 +73,15 @@ class Name(NamedTuple):
 
     def fields(self) -> dict[str, str]:
         """Return what is said of each field of a class: its description or its comment."""
-        if issubclass(self.value, BaseModel):
-            return {name: _described(field) for name, field in self.value.model_fields.items()}
-        own = inspect.get_annotations(self.value)
         comments = _comments(Path(inspect.getfile(self.value)))
-        return {name: comments.get(f"{self.value.__name__}.{name}", "") for name in own if name[0] != "_"}
+        beside = {name: comments.get(f"{self.value.__name__}.{name}", "") for name in self._own_fields()}
+        if issubclass(self.value, BaseModel):
+            described = {name: _described(field) for name, field in self.value.model_fields.items()}
+            return {name: text or beside.get(name, "") for name, text in described.items()}
+        return beside
+
+    def _own_fields(self) -> list[str]:
+        return [name for name in inspect.get_annotations(self.value) if name[0] != "_"]
 
 
 def faces() -> dict[str, list[Name]]:
