@@ -42,14 +42,14 @@ WITH_HINGE = """
 import dataclasses, json
 import numpy as np
 from cranectl.tools.robustness.certificate.linear_plant import LINEAR
-from cranectl.plants.registry import COMMON, PLANTS, register_plant
+from cranectl.plants.capabilities import COMMON
+from cranectl.plants.registry import PLANTS, register_plant
 from cranectl.plants.trials import check_honest
 from cranectl.scenario.load import default_scenario, load_rig
-from cranectl.simulate import make_plant
 from cranectl.support.errors import InputError
 
 def swing(*overrides):
-    plant = make_plant("mujoco", default_scenario(overrides=overrides), "ideal")
+    plant = PLANTS.make("mujoco", default_scenario(overrides=overrides), "ideal")
     state = np.array([1.0, 0.0, 0.8, 0.0, 0.7, 0.0, 0.01, 0.0, 0.0, 0.0])
     plant.reset(state)
     for _ in range(400):
@@ -139,10 +139,9 @@ import json
 import numpy as np
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import default_scenario
-from cranectl.simulate import make_plant
 
 def final_rope_rate(name):
-    plant = make_plant(name, default_scenario(), "bare")
+    plant = PLANTS.make(name, default_scenario(), "bare")
     state = np.array([1.0, 0.0, 0.8, 0.0, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
     plant.reset(state)
     for _ in range(500):
