@@ -1,6 +1,7 @@
 """States, runs and fixtures that many tests share."""
 
 import functools
+import logging
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -79,3 +80,22 @@ def short_scenario() -> Scenario:
 def short() -> Scenario:
     """Return `short_scenario`."""
     return short_scenario()
+
+
+@pytest.fixture
+def cluster() -> "Iterator[Any]":
+    """Start a cluster with workers in threads, which start faster than processes and behave the same."""
+    from distributed import LocalCluster  # of an extra
+
+    from cranectl.campaign.cluster import NO_DASHBOARD
+
+    with LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=False,
+        protocol="tcp://",
+        **NO_DASHBOARD,
+        memory_limit=0,
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster

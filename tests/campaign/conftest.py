@@ -1,16 +1,11 @@
-"""Fixtures for tests of campaign commands: a small campaign, its result, and a cluster."""
+"""Fixtures for tests of campaign commands: a small campaign and its result."""
 
-import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from cranectl.cli.main import main
-
-if TYPE_CHECKING:
-    from distributed import LocalCluster
 
 SMALL = """\
 name = "small"
@@ -30,25 +25,6 @@ distribution = "uniform"
 low = 0.0
 high = 30.0
 """
-
-
-@pytest.fixture
-def cluster() -> "Iterator[LocalCluster]":
-    """Start a cluster with workers in threads, which start faster than processes and behave the same."""
-    from distributed import LocalCluster  # of an extra
-
-    from cranectl.campaign.cluster import NO_DASHBOARD
-
-    with LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=False,
-        protocol="tcp://",
-        **NO_DASHBOARD,
-        memory_limit=0,
-        silence_logs=logging.CRITICAL,
-    ) as cluster:
-        yield cluster
 
 
 @pytest.fixture
