@@ -60,14 +60,14 @@ lint: .venv/extras ## check format, style, spelling, types and directions of imp
 	$(call limit,1200) $(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-TOOLS = tests/tools/robustness tests/campaign tests/cases tests/tools/export tests/fuzz tests/tools/live tests/loaders tests/tools/measured \
-	tests/tools/render tests/report
+TOOLS = tests/tools/robustness tests/campaign tests/cases tests/tools/export tests/fuzz tests/tools/live \
+	tests/loaders tests/tools/measured tests/tools/render tests/report
 # Kernels are compiled and motions planned first, or two processes of the tests would do the same.
 test: .venv/extras ## run the core tests
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
 	$(call saying,1800,"compiling kernels and planning motions") $(BIN)/python -m tests.kernels
 	$(call limit,7200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/tools/thesis --ignore tests/drake \
-		--ignore tests/planning --ignore tests/benchmark $(TOOLS:%=--ignore %) \
+		--ignore tests/planning --ignore tests/benchmark --ignore tests/tools/benchmark $(TOOLS:%=--ignore %) \
 		--ignore tests/test_processors.py
 
 # A set is left out while nothing that it depends on has changed since its last full pass, in .ci/proven.json.
@@ -76,8 +76,7 @@ NMPC_PLANS = tests/benchmark/test_nmpc_plans.py
 changed = $(BIN)/python .ci/proven.py $(1) $(if $(ALL),--always) --
 test-more: .venv/extras ## test tools, documents, the literature, plans and Drake, if sources changed
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
-	$(call limit,3600) $(call changed,tools) $(BIN)/python -m pytest $(TOOLS) \
-		--ignore tests/tools/benchmark
+	$(call limit,3600) $(call changed,tools) $(BIN)/python -m pytest $(TOOLS)
 	$(call limit,3600) $(call changed,docs) $(BIN)/python -m pytest tests/docs tests/tools/thesis
 	$(call limit,3600) $(call changed,literature) $(BIN)/python -m pytest tests/benchmark tests/tools/benchmark --ignore $(NMPC_PLANS)
 	$(call limit,9000) $(call changed,planning) sh -c '$(MAKE) .venv/oracles && $(BIN)/python -m pytest tests/planning $(NMPC_PLANS)'

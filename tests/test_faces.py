@@ -65,7 +65,18 @@ def names_of(room: str) -> set[str]:
 
 
 def test_every_room_of_the_core_has_a_face() -> None:
-    core = {"compare", "controllers", "design", "log", "mcap_columns", "metrics", "model", "plants"}
+    core = {
+        "campaign",
+        "cases",
+        "compare",
+        "controllers",
+        "design",
+        "log",
+        "mcap_columns",
+        "metrics",
+        "model",
+        "plants",
+    }
     assert set(FACES) >= core | {"reference", "scenario", "simulate", "support"}
 
 

@@ -129,8 +129,9 @@ class Worker:
         controller = self._prepared.controller(batch.controller, scenario)
         plan = controller.reference.plan(scenario)
         plant = self._plant(batch.plant, scenario)
-        records = self._records.setdefault(batch.controller, controller.records(BLOCK))
-        loop = Loop(plan, plant, controller, records=records)
+        if batch.controller not in self._records:
+            self._records[batch.controller] = controller.records(BLOCK)
+        loop = Loop(plan, plant, controller, records=self._records[batch.controller])
         accumulator = Accumulator(scenario, plant.drive)
         while not (is_asked_to_stop := stop()) and not loop.is_finished:
             accumulator.add(*loop.advance(BLOCK))

@@ -101,14 +101,17 @@ class CaseResult:
 
     @property
     def interrupted(self) -> bool:
+        """Whether a run was interrupted."""
         return any(run.status == RunStatus.INTERRUPTED for run in self.runs)
 
     @property
     def stopped(self) -> bool:
+        """Whether a run stopped before its end."""
         return any(run.status.stopped for run in self.runs)
 
     @property
     def as_expected(self) -> bool:
+        """Whether every run ended as its scenario expects."""
         return all(run.status.label == self.expected for run in self.runs)
 
     @property

@@ -185,7 +185,7 @@ scenario_argument = click.argument("scenario", shell_complete=complete_scenarios
 
 
 def scenario_options(function: F) -> F:
-    """Add `--rig` and `--set`; the command gets them as `asked`, with its scenario where it has one."""
+    """Add `--rig` and `--set`; the command gets them as `request`, with its scenario where it has one."""
 
     @click.option(
         "--rig",

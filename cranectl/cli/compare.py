@@ -307,7 +307,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
-    """Write the merged log; the pair that is in it."""
+    """Write the merged log, and return the two runs that are in it."""
     from cranectl.compare import Differences, merged_pair
     from cranectl.log import LogDescription, read_log, write_log
     from cranectl.support import Provenance

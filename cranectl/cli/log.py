@@ -1,4 +1,4 @@
-"""`cranectl log`: export a log, recover one, overlay several, lay out a viewer."""
+"""`cranectl log`: import, export, recover or overlay logs, lay out a viewer."""
 
 import shlex
 from collections.abc import Mapping
@@ -98,7 +98,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     runs = shown.runs
     rigs = [run.scenario.limited_rig for run in runs.values()]
     labels = tuple(runs) if shown.is_overlay else ()
-    if name == "ladder" and log is None:
+    if name == "ladder" and not labels:
         from cranectl.tools.robustness.levels import NAMES
 
         labels = NAMES

@@ -196,9 +196,9 @@ class Agreement:
         if interrupted or not 1.0 < agreement.excess < math.inf:
             return agreement
         if not RunMemory(one.scenario).fits(one.design, one.drive, runs=2 * len(runs)):
-            return agreement
+            return agreement  # the memory does not suffice for finer runs beside these
         halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
-        shorter = PhysicsStep(runs[0].scenario, runs[0].drive).refined(2**halvings)
+        shorter = PhysicsStep(one.scenario, one.drive).refined(2**halvings)
         if shorter is None:
             return agreement
         finer_runs = []

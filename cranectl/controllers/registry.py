@@ -39,7 +39,6 @@ def _registered(names: Iterable[str]) -> list["Controller"]:
 class Controllers(Mapping[str, "Controller"]):
     """All controllers by name: the flat family, then the others. Each is loaded when it is looked up."""
 
-    FLAT = FLAT_FAMILY  # names
     UDP = "udp://"  # prefix of the address of a controller in another process
     FILE = re.compile(rf"(?P<path>.*({'|'.join(map(re.escape, ENDINGS))}))(:(?P<symbol>\w*))?")
     opened = OPEN  # those that this process has registered or opened from files

@@ -27,8 +27,8 @@ class SampledBlocks(NamedTuple):
     def loop(self, gain: Array, period: float) -> Array:
         """Return the state matrix of one axis's error under the sampled controller, if v were held.
 
-        The states are the error and three derivatives, then those of the self. In a run the accelerations of
-        the drives are held instead of v, which differs by a fraction of a period.
+        The states are the error and three derivatives, then those of the blocks. In a run the accelerations
+        of the drives are held instead of v, which differs by a fraction of a period.
         """
         phi, hold = zero_order_hold(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], period)
         measured = np.eye(4)[:1]

@@ -24,7 +24,7 @@ from cranectl.loaders.folder_imports import FolderImports
 from cranectl.loaders.interpreted_step import callback_address
 from cranectl.loaders.opening import ControllerFile, complete_copy_of, slug
 from cranectl.signals import Signal
-from cranectl.support import Array, CompiledStep, ForeignCode, InputError
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError, reported_when_slow
 
 ARGUMENTS = ("parameters", "measured", "reference", "memory", "command")
 MEMORY = 64  # numbers that a plain function may remember
@@ -179,7 +179,7 @@ def _memory(owner: Any, start: Any) -> Array:
 def _callable(controller: Controller, file: ControllerFile) -> Controller:
     """Return the controller; if Numba cannot compile its step, warn and let Python run it."""
     try:
-        with ForeignCode.reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
+        with reported_when_slow(f"Numba has been compiling the step of {file.reference}"):
             CompiledStep.address_of(controller.step)
     except Exception as error:  # of many classes, some of no family
         said, where = CompiledStep.why_not(controller.step, error)

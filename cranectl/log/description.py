@@ -87,7 +87,7 @@ class LogDescription:
             topics.append(TopicDescription(channel.topic, schema, count, rate_hz))
         return cls(
             path=str(path),
-            size_bytes=path.stat().st_size,
+            size_bytes=file.size,
             format=file.metadata[OVERLAY if OVERLAY in file.metadata else "cranectl"]["format"],
             every=header.every,
             duration_s=duration,

@@ -21,7 +21,7 @@ class Event:
     """One line of the log's text topic."""
 
     time_ns: int  # [ns]
-    source: str  # the plant, or the name of the scenario
+    source: str  # the plant, or "live"
     message: str  # for people
     warning: bool = False  # whether it is shown as a warning
 
@@ -52,8 +52,8 @@ class StatusChange:
     status: RunStatus  # from then on
     inside_workspace: bool  # whether all axes are in their ranges
     phase: Phase  # of the reference
-    disturbed: Disturbed  # whether a disturbance acts
-    saturated: Saturated  # whether a limit of the drives acts
+    disturbed: Disturbed  # which disturbances act
+    saturated: Saturated  # which drives' limits act
 
 
 class Conditions(NamedTuple):

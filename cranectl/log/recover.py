@@ -20,7 +20,7 @@ from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support import FileKind, LogError, Provenance
 
-PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # name of an unfinished file by `files.replacing`
+PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # name of an unfinished file by `File.replacing`
 
 
 @dataclass(frozen=True)
@@ -143,20 +143,22 @@ def _runs(header: LogHeader, file: McapFile) -> dict[str, Run]:
 def _streams(header: LogHeader, file: McapFile, runs: Mapping[str, Run]) -> list[Stream]:
     """Return the streams of the runs; of events, those of the file and those at the ends of runs.
 
-    The runs do not tell when a session was started, what was said, and how it was driven.
+    The runs do not tell when a session was started, what was said, how it was driven, and which path was
+    planned after the cut.
     """
-    until = {Topics.LOG: max(run.end_ns for run in runs.values())}
+    until = dict.fromkeys((Topics.LOG, Topics.PATH), max(run.end_ns for run in runs.values()))
     for plant, run in runs.items():
-        until |= dict.fromkeys((Topics(plant).status, Topics(plant).of("disturbance_arrow")), run.end_ns)
+        until |= dict.fromkeys((Topics(plant).status, Topics(plant).arrows), run.end_ns)
+    ends_ns = set(until.values())
     versions = None if header.versions == Provenance.now() else header.versions  # None keeps the usual order
     result, channels = [], {channel.topic: number for number, channel in file.channels.items()}
     for stream in streams(list(runs.values()), versions=versions):
         times = np.maximum(stream.time_ns, header.begin_ns)
         rows = list(zip(times.tolist(), stream.messages, strict=True))
         if stream.topic in channels and (last_ns := until.get(stream.topic)) is not None:
-            ends = [row for row in rows if row[0] in until.values()]
-            rows = [row for row in file.messages_of(channels[stream.topic]) if row[0] <= last_ns]
-            rows = sorted([*rows, *(end for end in ends if end not in rows)], key=itemgetter(0))
+            ends = [row for row in rows if row[0] in ends_ns]
+            saved = [row for row in file.messages_of(channels[stream.topic]) if row[0] <= last_ns]
+            rows = sorted([*saved, *(end for end in ends if end not in saved)], key=itemgetter(0)) or rows
         time_ns = np.array([time_ns for time_ns, _ in rows], dtype=np.int64)
         result.append(replace(stream, time_ns=time_ns, messages=[message for _, message in rows]))
     return result

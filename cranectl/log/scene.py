@@ -71,7 +71,12 @@ def scene_streams(runs: Sequence[Run]) -> list[Stream]:
 
 def frames(run: Run) -> NDArray[np.intp]:
     """Return the samples at which poses and ropes of a whole run are drawn."""
-    return rows_apart(run, max(1.0 / RATE, run.end_s / MAX_FRAMES))
+    return rows_apart(run, max(1.0 / RATE, _duration(run) / MAX_FRAMES))
+
+
+def _duration(run: Run) -> float:
+    """Return the time between first and last sample [s]; a part of a live session begins late."""
+    return float(run.time_ns[-1] - run.time_ns[0]) / NANOSECONDS
 
 
 def can_be_drawn(run: Run) -> bool:
@@ -162,7 +167,7 @@ def rope(run: Run, opacity: float, rows: NDArray[np.intp]) -> Stream:
 
 def whole_trail(run: Run, opacity: float, *, colour: str | None = None) -> Stream:
     """Return the trail of a whole run."""
-    rows = rows_apart(run, max(trail_step(run.scenario.rig), run.end_s / MAX_TRAILS))
+    rows = rows_apart(run, max(trail_step(run.scenario.rig), _duration(run) / MAX_TRAILS))
     return trail(run.plant, run.time_ns[rows], run.load_position[rows], opacity, colour=colour)
 
 
@@ -210,7 +215,7 @@ def arrows(plant: str, times: Sequence[int], disturbances: Array, *, mass: float
         accelerations = np.array([(0.0, scale * row[0], 0.0), (scale * row[1], 0.0, 0.0), row[2:] / mass])
         drawn = [_arrow(acceleration, scale) for acceleration in accelerations if acceleration.any()]
         shown.append([_entity(f"{plant}/load", "disturbance", time, arrows=drawn)] if drawn else [])
-    return _scene(Topics(plant).of("disturbance_arrow"), times, shown, deletions=[everything])
+    return _scene(Topics(plant).arrows, times, shown, deletions=[everything])
 
 
 def _arrow(acceleration: Array, scale: float) -> fg.ArrowPrimitive:

@@ -39,8 +39,6 @@ class Stream:
     time_ns: NDArray[np.int64]  # (n,) [ns]
     messages: Sequence[bytes]  # n encoded messages
     metadata: dict[str, str] = field(default_factory=dict)  # units and meanings of its signals
-    encoding: str = "protobuf"  # of messages
-    schema_encoding: str = "protobuf"  # empty if there is no schema
 
     @classmethod
     def of(cls, topic: str, kind: Any, times: Iterable[int], messages: Iterable[Any]) -> "Stream":
@@ -121,9 +119,14 @@ class Topics:
         return self.of("status")
 
     @property
+    def arrows(self) -> str:
+        """The arrows of disturbances."""
+        return self.of("disturbance_arrow")
+
+    @property
     def drawn(self) -> tuple[str, str, str, str]:
         """All that draws the crane: its solids, rope and trail, and the arrows of disturbances."""
-        return self.of("model"), self.of("rope"), self.of("trail"), self.of("disturbance_arrow")
+        return self.of("model"), self.of("rope"), self.of("trail"), self.arrows
 
     @classmethod
     def difference(cls, group: str, plant: str = "") -> str:

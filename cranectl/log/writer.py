@@ -32,6 +32,7 @@ Records = Mapping[str, Mapping[str, str]]  # metadata by name
 MAX_LOG_EVERY = 10**9  # as in a scenario
 CHUNK_SIZE = 64 * 1024  # [bytes] a kill loses at most the last chunk; such small ones add 0.2 % to the size
 REMEDY = "choose another place with --out"
+ENCODING = "protobuf"  # of messages and of their schemas
 FAILURES = (OSError, RuntimeError, DamageError)  # when writing fails; a full disk can raise any of them
 
 
@@ -296,20 +297,19 @@ def open_channel(context: foxglove.Context, stream: Stream) -> BaseChannel:
     It is not a `foxglove.Channel`, because the library keeps each of those in memory until the process ends,
     with its context and schema, even if it is closed.
     """
-    encoding = stream.schema_encoding
-    schema = foxglove.Schema(name=stream.schema_name, encoding=encoding, data=stream.schema)
+    schema = foxglove.Schema(name=stream.schema_name, encoding=ENCODING, data=stream.schema)
     return context._create_channel(
-        stream.topic,
-        message_encoding=stream.encoding,
-        schema=schema if encoding else None,
-        metadata=stream.metadata,
+        stream.topic, message_encoding=ENCODING, schema=schema, metadata=stream.metadata
     )
 
 
 def check_complete(path: Path, sent: int) -> None:
     """Raise OSError unless the file has all messages: the library may drop some without an error."""
-    with path.open("rb") as stream:
-        end = McapFile(path, stream).end
+    try:
+        with path.open("rb") as stream:
+            end = McapFile(path, stream).end
+    except LogError as error:  # it does not begin or end as a log; what is there must not be deleted
+        raise OSError(error.found) from None
     written = end and end.messages
     if written != sent:
         raise OSError(f"only {written} of {sent} messages were written")

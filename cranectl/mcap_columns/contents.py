@@ -175,8 +175,7 @@ class McapFile:
         return [
             (time_ns, chunk.data[start:stop].tobytes())
             for chunk in self._salvaged
-            for channel, time_ns, start, stop in chunk.table.tolist()
-            if channel == number
+            for _, time_ns, start, stop in chunk.table[chunk.table[:, 0] == number].tolist()
         ]
 
     def chunks(self) -> Iterator[Content]:

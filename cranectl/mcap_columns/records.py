@@ -151,7 +151,7 @@ Integers = NDArray[np.int64]
 class Content:
     """The records of a chunk."""
 
-    data: Bytes  # of the record
+    data: Bytes  # all of its unpacked records
     table: Integers  # (N, 4): channel, time [ns], start, stop of each message
     definitions: tuple[tuple[int, bytes], ...]  # opcode and body of each schema and channel record
 

@@ -214,9 +214,12 @@ class Plants(MutableMapping[str, PlantEntry]):
         actuators, the entry says what the model has. Raises InputError if there is no such plant or file, or
         if its model is not a crane.
         """
-        from cranectl.plants.model_files import entry_of_file
+        if name.endswith(self.MODEL_ENDING):
+            from cranectl.plants.model_files import entry_of_file
 
-        entry = entry_of_file(name) if name.endswith(self.MODEL_ENDING) else self.entry(name)
+            entry = entry_of_file(name)
+        else:
+            entry = self.entry(name)
         if rig is None or not entry.is_model_file:
             return entry
         complete: PlantEntry = resolve_name("cranectl.plants.mujoco.own_plant:examined")(
@@ -284,7 +287,7 @@ class Plants(MutableMapping[str, PlantEntry]):
         return next((name for name in ordered if not self[name].is_own), self.reference(ordered))
 
     def sources(self, names: Iterable[str]) -> dict[str, str]:
-        """Return the digests of plants from other packages and from model files, as `provenance` has them."""
+        """Return the digests of plants that come from other packages or from model files, by name."""
         entries = [self[name] for name in names if name in self]
         models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
         return Provenance.sources_of({entry.where.partition(":")[0] for entry in entries}) | models

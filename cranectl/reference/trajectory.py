@@ -174,7 +174,7 @@ class Trajectory:
 
     @property
     def last_motion(self) -> tuple[float, Array]:
-        """When it ends [s], and its direction, a unit vector (3,); 0 and zeros if the load never moves."""
+        """End [s] and direction (3,) of the last motion, a unit vector; zeros if the load never moves."""
         if not self.motions:
             return 0.0, np.zeros(3)
         index, path = list(self.motions.items())[-1]
@@ -187,7 +187,7 @@ class Trajectory:
 
     @property
     def joints(self) -> Array:
-        """Return the start times of the segments and the end of the last [s]."""
+        """Start times of the segments, and the end of the last [s]."""
         return np.array([0.0, *np.cumsum([path.duration for path in self.paths])])
 
     def sample(self, time: Array) -> Array:

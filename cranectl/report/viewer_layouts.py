@@ -185,7 +185,7 @@ def _overlay(labels: Sequence[str]) -> Layout:
     others = _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name)
     far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
     shown = [Topics(label).of(kind) for label in labels for kind in ("model", "rope", "trail")]
-    shown.append(Topics(labels[0]).of("disturbance_arrow"))
+    shown.append(Topics(labels[0]).arrows)
     left = _crane_and_standings(scene_panel(shown), labels)
     return row([left, _several(partial(_of_labels, labels), far, target)], (42, 58))
 
@@ -199,7 +199,7 @@ def _ladder(labels: Sequence[str]) -> Layout:
         lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
         orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=MIN_ORDER))
     metres = plot(f"distance from {labels[0]}", _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name))
-    shown = [Topics(labels[0]).of(kind) for kind in ("model", "rope", "disturbance_arrow")]
+    shown = [*(Topics(labels[0]).of(kind) for kind in ("model", "rope")), Topics(labels[0]).arrows]
     shown += [Topics(label).of("trail") for label in labels]
     left = _crane_and_standings(scene_panel(shown), labels[-1:])
     others = map(without_legend, (orders[1], metres))

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from cranectl.scenario.effect_base import Effect, Part
-from cranectl.scenario.gusts import gusts
 from cranectl.scenario.settings import FORCE, LENGTH, MASS, RATE, SPEED, TIME, Pair, Scaled, Settings, Triple
 
 Size = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -192,6 +191,21 @@ class Wind(Effect):
     density: Annotated[float, Field(ge=0.0, le=2000.0)] = Field(1.2, description="of the air [kg/m³]")
     seed: Seed = Field(0, description="of the gusts")
 
+    def velocity(self, samples: int, period: float) -> NDArray[np.float64]:
+        """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3).
+
+        Horizontal gusts are white noise filtered by 1/(1 + T s), the first-order form of Dryden's spectrum
+        (MIL-F-8785C). They are sampled exactly and stationary from the start. Equal seeds give equal wind.
+        """
+        from scipy.signal import lfilter
+
+        decay = np.exp(-period / self.gust_time)
+        white = np.random.default_rng(self.seed).standard_normal((samples, 2))
+        white[1:] *= np.sqrt(1.0 - decay**2)
+        gusts = self.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
+        velocity: NDArray[np.float64] = np.array(self.mean) + np.column_stack([gusts, np.zeros(samples)])
+        return velocity
+
 
 class Frame(Effect):
     """An elastic frame under the bridge: a damped spring along x and along y."""
@@ -275,12 +289,7 @@ class EffectSettings(Settings):
 
     def air_velocity(self, samples: int, period: float) -> NDArray[np.float64]:
         """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3)."""
-        wind = self.wind
-        if wind is None:
-            return np.zeros((samples, 3))
-        drawn = gusts(samples, period, deviation=wind.gust, time=wind.gust_time, seed=wind.seed)
-        velocity: NDArray[np.float64] = np.array(wind.mean) + np.column_stack([drawn, np.zeros(samples)])
-        return velocity
+        return self.wind.velocity(samples, period) if self.wind else np.zeros((samples, 3))
 
     @property
     def in_air(self) -> "EffectSettings":

@@ -88,7 +88,7 @@ Text = Annotated[T, Tag("")]
 Other = Annotated[T, Tag(" ")]
 TEXT_OR_OTHER = Discriminator(lambda value: "" if isinstance(value, str) else " ")
 
-MAX_DURATION = 600.0  # [s]; `simulate.memory` counts what a run holds in memory
+MAX_DURATION = 600.0  # [s]; `simulate.memory` bounds what a run holds in memory
 MIN_DURATION = 1e-6  # [s]; the shortest control period, since ends of segments are exact to a nanosecond
 Duration = Annotated[float, Field(ge=MIN_DURATION, le=MAX_DURATION)]  # [s]
 Position = Annotated[float, Field(ge=-1e4, le=1e4)]

@@ -121,11 +121,8 @@ class Loop:
         over too. So do the states of the robustifier, if both use the same one. Any other controller begins
         at the present reference.
         """
-        own, memory, carried = (
-            controller.compiled.with_own_memory().bound(),
-            controller.compiled.start.copy(),
-            0,
-        )
+        own, memory = controller.compiled.with_own_memory().bound(), controller.compiled.start.copy()
+        carried = 0
         before, after = self.controller.design.axis_design, controller.design.axis_design
         if before is not None and after is not None:
             carried = len(memory) if after.robustifier is before.robustifier else MEMORY.robustifier

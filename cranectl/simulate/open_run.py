@@ -131,7 +131,7 @@ class OpenRun(SteppedCranes):
     @property
     def time(self) -> float:
         """Time since the last reset [s]."""
-        return int(self._clock[0, 0]) * self._plans[0].scenario.period_ns / NANOSECONDS
+        return int(self._clock[0, 0]) * self._period_ns / NANOSECONDS
 
     @property
     def reference(self) -> Array:

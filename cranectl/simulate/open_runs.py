@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.plants import DRIVES, PLANTS, Plant
-from cranectl.scenario import Scenario
+from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION
 from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_start import checked_numbers
@@ -137,7 +137,7 @@ class OpenRuns(SteppedCranes):
     @property
     def time(self) -> Array:
         """Times since the last resets [s], shape (cranes,)."""
-        return np.array(self._clock[:, 0] * self._period)
+        return np.array(self._clock[:, 0] * self._period_ns / NANOSECONDS)
 
     @property
     def references(self) -> Array:

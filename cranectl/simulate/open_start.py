@@ -7,7 +7,7 @@ import numpy as np
 
 from cranectl.plants import FORCE, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import SignalGroup
+from cranectl.signals import SignalGroup, State
 from cranectl.simulate.loop import Loop
 from cranectl.simulate.plan import Plan, check_start
 from cranectl.simulate.prepared import PreparedController
@@ -46,7 +46,7 @@ def begin(
             state = np.zeros(len(SignalGroup.STATE))
             low, high = scenario.reach.T
             margin = DRAWN_MARGIN * (high - low)
-            state[:5:2] = draw.uniform(low + margin, high - margin)
+            State(state).axes[:] = draw.uniform(low + margin, high - margin)
         if scenario.effects.wind:
             air = scenario.effects.air_velocity(len(plan.wind), scenario.period_ns / NANOSECONDS)
             plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
@@ -66,7 +66,7 @@ def rest_at(scenario: Scenario, target: Array) -> Array:
     reference = np.zeros((1, len(SignalGroup.REFERENCE)))
     reference[0, :3] = target
     hanging = np.zeros(len(SignalGroup.STATE))
-    hanging[:5:2] = target * (1.0, 1.0, -1.0)
+    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)
     remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
     check_start(scenario, hanging, remedy=remedy, what="the target is")
     return reference

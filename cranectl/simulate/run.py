@@ -134,7 +134,7 @@ class Run:
     @property
     def workspace_excess(self) -> Array:
         """How far bridge, trolley and rope are outside their ranges [m], shape (N, 3); 0 if inside."""
-        positions = self.block("state" if self.has("state") else "axes")[:, :6:2]
+        positions = self.state.axes
         low, high = self.scenario.rig.workspace.T
         excess: Array = low - positions
         for axis in range(3):  # runs may be long: no second array of this size

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cranectl.design import ControllerDesign
 from cranectl.plants import ADDRESSED, Plant
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import Scenario
 from cranectl.signals import COLUMN, TENSION, SignalGroup
 from cranectl.simulate.loop import Loop
 from cranectl.simulate.loops import CompiledLoop, LoopInputs, advance_block, measure, shared_loop
@@ -55,10 +55,12 @@ class SteppedCranes(TakesTurns):
 
     def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
         self._plants, count = tuple(plants), len(plants)
-        self._period = scenarios[0].period_ns / NANOSECONDS
+        self._period_ns = scenarios[0].period_ns
         plan = functools.cache(Plan.of)
         self._plans = [plan(scenario) for scenario in scenarios]
-        self._loops: list[Loop] = [cast(Any, None)] * count
+        self._loops: list[Loop] = [
+            cast(Any, None)
+        ] * count  # at their starts, from which compiled code goes on
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [(None, np.zeros(0))] * count  # Numba's type of each, and its numbers
         widths = ControllerDesign("").record_width, COLUMN.path_width

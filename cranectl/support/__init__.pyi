@@ -25,6 +25,7 @@ from .files import File as File
 from .foreign_code import ForeignCode as ForeignCode
 from .interrupts import Interruption as Interruption
 from .interrupts import in_background as in_background
+from .interrupts import reported_when_slow as reported_when_slow
 from .jit import Specialised as Specialised
 from .jit import jit as jit
 from .junit import JUnitCase as JUnitCase

@@ -118,7 +118,7 @@ class InputError(CranectlError):
     @classmethod
     def did_you_mean(cls, name: str, known: Iterable[str]) -> str:
         """Return a question with the known name that `name` resembles, or an empty text."""
-        near = cls.nearest(name, known)[:1]
+        near = cls.nearest(name, known, 1)
         return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
 
     @staticmethod

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from cranectl.support.errors import InputError
-from cranectl.support.foreign_code import ForeignCode
+from cranectl.support.interrupts import reported_when_slow
 
 try:
     import fcntl
@@ -154,5 +154,5 @@ def _read_pipe(path: Path, max_bytes: int) -> bytes:
         raise
     os.set_blocking(descriptor, True)
     waits = f"{path} is a pipe whose writer has neither written nor ended"
-    with os.fdopen(descriptor, "rb") as stream, ForeignCode.reported_when_slow(waits):
+    with os.fdopen(descriptor, "rb") as stream, reported_when_slow(waits):
         return first + stream.read(max_bytes - len(first))

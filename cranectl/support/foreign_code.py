@@ -4,7 +4,6 @@ Foreign code may change the floating-point environment when it is loaded or in a
 holds how this thread rounds and how it treats very small numbers. All later results would then differ.
 """
 
-import _thread
 import contextlib
 import ctypes
 import functools
@@ -14,11 +13,9 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from cranectl.support.errors import printable
-from cranectl.support.interrupts import in_background
+from cranectl.support.interrupts import reported_when_slow
 from cranectl.support.turns import held_in_forks
 
-SLOW = 10.0  # [s] after which unfinished work is reported
 _BYTES = 64  # of a fenv_t; no machine's is larger than 32
 _KEPT: list[object] = []  # compiled code is called by address, so it must not be collected
 _lock = threading.Lock()
@@ -67,7 +64,7 @@ class ForeignCode:
             _inside.append(here)
         try:
             with ForeignCode.environment_kept(), contextlib.ExitStack() as stack:
-                stack.enter_context(ForeignCode.reported_when_slow(doing))
+                stack.enter_context(reported_when_slow(doing))
                 with contextlib.suppress(OSError):  # the working directory was removed
                     stack.enter_context(contextlib.chdir("."))
                 yield
@@ -122,18 +119,3 @@ class ForeignCode:
         engine.finalize_object()
         _KEPT.append(engine)
         return int(engine.get_function_address(function.name))
-
-    @staticmethod
-    @contextlib.contextmanager
-    def reported_when_slow(what: str) -> Iterator[None]:
-        """Report on standard error if `what`, such as "law.py has been loading", takes long; end nothing."""
-        warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
-        ended = _thread.allocate_lock()
-
-        def report() -> None:
-            if not ended.acquire(timeout=SLOW):
-                os.write(2, warning.encode())
-
-        with ended:
-            in_background(report)
-            yield

@@ -15,6 +15,9 @@ from collections.abc import Callable, Iterator, Mapping
 from types import FrameType
 from typing import Any
 
+from cranectl.support.errors import printable
+
+SLOW = 10.0  # [s] after which unfinished work is reported
 RETRY = 0.01  # [s] until an interrupt that was swallowed is raised again
 
 
@@ -24,6 +27,21 @@ def in_background(act: Callable[[], None]) -> None:
     `threading.Thread.start` waits for the new thread, for ever if there is too little memory to begin.
     """
     _thread.start_new_thread(act, ())
+
+
+@contextlib.contextmanager
+def reported_when_slow(what: str) -> Iterator[None]:
+    """Report on standard error if `what`, such as "law.py has been loading", takes long; end nothing."""
+    warning = f"cranectl: {printable(what)} for {SLOW:g} s now; Ctrl-C ends the command\n"
+    ended = _thread.allocate_lock()
+
+    def report() -> None:
+        if not ended.acquire(timeout=SLOW):
+            os.write(2, warning.encode())
+
+    with ended:
+        in_background(report)
+        yield
 
 
 def _raise_in_main_thread(number: signal.Signals) -> None:

@@ -62,7 +62,7 @@ class Quantity:
         Below 1e-9 it is made of rounding: its digits change with the processor, its size does not matter.
         """
         rounding = self.PROCESSOR_ROUNDING
-        return f"< {rounding:.0e}" if self.value < rounding else f"{self.value:.1e}"
+        return f"< {rounding:.0e}" if abs(self.value) < rounding else f"{self.value:.1e}"
 
     def setting(self) -> str:
         """Return a time as a setting that can be typed: six digits may leave the grid of nanoseconds."""

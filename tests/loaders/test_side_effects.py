@@ -63,7 +63,7 @@ def test_code_that_changes_how_numbers_are_rounded_changes_no_plant(law: Path) -
 def test_a_file_that_takes_long_to_load_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cranectl.support.foreign_code.SLOW", 0.01)
+    monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     path = tmp_path / "law.py"
     path.write_text("import os\nwhile not os.fstat(2).st_size:\n    pass\n" + LAW)  # until it is told
     open_controller(f"{path}:damper")

@@ -17,7 +17,7 @@ from cranectl.compare.runs import compare_runs
 from cranectl.log.events import Disturbed, Phase, Saturated, phases
 from cranectl.log.reader import read_log
 from cranectl.log.topics import group_schema
-from cranectl.log.writer import write_log
+from cranectl.log.writer import check_complete, write_log
 from cranectl.mcap_columns.rows import EncodedRows
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
@@ -270,6 +270,15 @@ def test_unwritable_paths_are_refused(tmp_path: Path, runs: dict[str, Run]) -> N
         assert "--out" in caught.value.remedy
         with pytest.raises(LogError):
             write_log(path, list(runs.values()))
+
+
+@pytest.mark.parametrize("size", [0, -8])
+def test_a_file_without_its_end_counts_as_not_written(size: int, log: Path, tmp_path: Path) -> None:
+    """As an OSError, after which the file is kept, so that it can be recovered."""
+    part = tmp_path / "a.mcap"
+    part.write_bytes(log.read_bytes()[:size])
+    with pytest.raises(OSError, match=r"truncated|is empty"):
+        check_complete(part, 1)
 
 
 def test_dropped_messages_are_detected(

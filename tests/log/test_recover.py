@@ -128,6 +128,7 @@ def test_a_recovered_log_describes_its_new_end(part: Path, log: Path) -> None:
     ends = sorted(run.end_ns for run in read_log(saved).values())  # the cut may lie between the plants
     end_ns = ends[-1]
     assert messages_of(saved, "/mujoco/status")[-1][0] in ends
+    assert messages_of(saved, "/reference/path") == messages_of(log, "/reference/path"), "as planned"
     assert messages_of(saved, "/mujoco/status")[-1][1].status == RunStatus.INTERRUPTED
     (_, info), *others = messages_of(saved, "/run/info")
     assert info.status == "analytic: interrupted, mujoco: interrupted"

@@ -3,15 +3,15 @@
 Each plan is needed by one test only, so it is made once.
 """
 
-import numpy as np
 import pytest
 
 from cranectl.scenario import Scenario
 from validation.proofs.minimum_times import CASES, ROUGH_EFFECTS, scenario, simulate_plan
 
 LIMITS = "effects.limits={}"
-MAX_ERROR = {"a": 5e-3, "b": 5e-3}  # [m], of free motions without obstacles
-ERROR_TOLERANCE = 0.2  # between plants, relative
+# [m] by the letter of a case: 3 mm are measured for a to c, 8 mm for the path of the thesis, which turns.
+MAX_ERROR = {"a": 5e-3, "b": 5e-3, "c": 5e-3, "d": 1e-2}
+ERROR_TOLERANCE = 1e-3  # between plants, relative; they agree much better than that
 MAX_SATURATION = 0.05  # [s]
 
 
@@ -26,9 +26,11 @@ def without_force_limits(plan: Scenario) -> Scenario:
 def test_all_plants_have_the_same_small_error_and_no_drive_saturates(case: str) -> None:
     plan = scenario(case, LIMITS)
     analytic = simulate_plan(without_force_limits(plan), "analytic")
-    for metrics in (analytic, *(simulate_plan(plan, plant) for plant in ("elastic", "mujoco"))):
+    others = [simulate_plan(plan, plant) for plant in ("elastic", "mujoco")]
+    for metrics in (analytic, *others):
         assert metrics.saturated_s == 0.0
-        assert metrics.max_error_m <= MAX_ERROR.get(case[0], np.inf)
+        assert metrics.max_error_m <= MAX_ERROR[case[0]]
+    for metrics in others:
         assert metrics.max_error_m == pytest.approx(analytic.max_error_m, rel=ERROR_TOLERANCE)
 
 

@@ -102,6 +102,30 @@ def test_pads_wish_what_may_be_wished(crane: str) -> None:
     assert all(1.0 / pad["publishRate"] < VELOCITY_TIMEOUT / 2.0 for pad in pads)
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_layout_of_one_run_asks_for_one_plant_only(plant: str) -> None:
+    others = set(PLANTS) - {plant}
+    for name in ("single", "controller"):
+        assert f"/{plant}/state" in layout_json(name, plants=[plant]) or name == "controller"
+        assert not any(f"/{other}/" in layout_json(name, plants=[plant]) for other in others)
+    for each in PLANTS:
+        assert f"/{each}/state.alpha" in layout_json("comparison")
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_how_runs_stand_has_the_height_of_its_rows(name: str) -> None:
+    """In the viewer of 1.48, 62 pixels a row and 30 for the title, of 824 in a window 900 pixels high."""
+    for labels in (LABELS[:1], LABELS[:2], LABELS, ("a", "b", "c", "d")):
+        plants = ["mujoco"] if len(labels) == 1 else ()
+        content = json.loads(layout_json(name, plants=plants, labels=labels))
+        (panel,) = (panel for panel in content["configById"] if panel.startswith("StateTransitions"))
+        rows = len(content["configById"][panel]["paths"])
+        share = height(content["layout"], panel)
+        assert 824 * share > 30 + 62 * rows or plants
+        left = content["layout"]["splitPercentage"] / 100.0
+        assert (left * share < 0.15 and rows <= 3) or not plants, "of one run"
+
+
 def height(layout: Any, panel: str) -> float:
     """Of a panel, over the window's; 0 if it is not in this part."""
     if isinstance(layout, str):
@@ -167,3 +191,5 @@ def test_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["log", "layout", "comparison", "a.json"]) == 0
     assert "a.json" in capsys.readouterr().out
     assert Path("a.json").read_text() == layout_json("comparison")
+    assert main(["log", "layout", "ladder", "b.json"]) == 0
+    assert Path("b.json").read_text() == layout_json("ladder", labels=NAMES)

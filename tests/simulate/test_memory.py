@@ -1,4 +1,4 @@
-"""The memory of a run is bounded before it begins: never too little, never much too much."""
+"""The memory of a run is bounded before it begins: never too little, and only some times too much."""
 
 import tracemalloc
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from cranectl.tools.robustness.ladder import evaluate_levels
 FINE = ("control.period=1e-6", "control.physics_step=1e-6")
 ENDLESS = (*FINE, "duration=600", "disturbances=[]")
 OVERHEAD = 8e6  # [bytes] of everything except arrays
+SMALLEST_PART = 0.15  # of the bound, which counts four copies; runs without a signal path hold one
 
 
 def scenario(*overrides: str, duration: float = 15.0) -> Scenario:
@@ -43,7 +44,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
     def noting_bound(scenarios: list[Scenario], columns: int) -> int:
         needs.append(bound(scenarios, columns))
-        return bound(scenarios, columns)
+        return needs[-1]
 
     monkeypatch.setattr(memory, "_bound", noting_bound)
     return needs
@@ -59,7 +60,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("controller", "plants", "drive", "overrides"), CASES)
-def test_a_case_needs_at_most_the_bound_and_a_good_part_of_it(
+def test_a_case_needs_at_most_the_bound_and_no_tiny_part_of_it(
     controller: str, plants: tuple[str, ...], drive: str, overrides: tuple[str, ...], tmp_path: Path,
     counted: list[float],
 ) -> None:  # fmt: skip
@@ -70,7 +71,7 @@ def test_a_case_needs_at_most_the_bound_and_a_good_part_of_it(
             log=tmp_path / "b.mcap").run()  # type: ignore[arg-type]  # fmt: skip
     counted.clear()
     used = peak(lambda: case.run())
-    assert 0.15 * max(counted) < used < max(counted) + OVERHEAD
+    assert SMALLEST_PART * max(counted) < used < max(counted) + OVERHEAD
 
 
 def test_a_ladder_needs_at_most_the_bound(counted: list[float]) -> None:

@@ -98,7 +98,7 @@ def test_a_writer_that_stays_silent_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """As any program it waits for as long as the writer lives, and says so."""
-    monkeypatch.setattr("cranectl.support.foreign_code.SLOW", 0.01)
+    monkeypatch.setattr("cranectl.support.interrupts.SLOW", 0.01)
     pipe = tmp_path / "pipe.toml"
     os.mkfifo(pipe)
     both, found = os.open(pipe, os.O_RDWR), list[object]()

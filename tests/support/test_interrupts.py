@@ -13,7 +13,7 @@ import pytest
 
 from cranectl.cli import output
 from cranectl.cli.main import cli, main
-from cranectl.support.foreign_code import ForeignCode
+from cranectl.support import reported_when_slow
 from cranectl.support.interrupts import Interruption
 from tests.pace import HANG
 
@@ -185,7 +185,7 @@ def test_nothing_waits_for_a_thread_that_cannot_begin(monkeypatch: pytest.Monkey
     monkeypatch.setattr(threading, "_start_new_thread", lambda *_: pytest.fail("would wait for ever"))
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
     with (
-        ForeignCode.reported_when_slow("a file has been loading"),
+        reported_when_slow("a file has been loading"),
         output.progress_bar(1.0, "run") as advance,
     ):
         advance(1.0)

@@ -18,6 +18,7 @@ from numba.extending import intrinsic
 from cranectl.controllers import EXPECTED, JOINTS, Controller, Observer, Slots, observe, predict, regularity
 from cranectl.model import AxisMasses, drive_forces
 from cranectl.plants import DRIVES, Drive
+from cranectl.signals import State
 from cranectl.simulate import (
     Actuation,
     PreparedController,
@@ -63,10 +64,8 @@ def control_sample_of(
     prepared: PreparedController, controller: Controller, drive: Drive, start: Array
 ) -> ControlSample:
     """Return the function of one control sample of a run that starts at `start` (10,)."""
-    path, actuation = (
-        SignalPath.of(prepared.nominal, start, drive=drive),
-        Actuation.of(prepared.nominal, drive),
-    )
+    path = SignalPath.of(prepared.nominal, start, drive=drive)
+    actuation = Actuation.of(prepared.nominal, drive)
     compiled = prepared.compiled
     parameters = NUMBERS.array(
         observer=path.observer,
@@ -77,7 +76,7 @@ def control_sample_of(
         change_limit=path.limits.change,
         masses=compiled.masses,
     )
-    memory = KEPT.array(estimate=path.estimate, integral=start[1:6:2], previous=path.previous)
+    memory = KEPT.array(estimate=path.estimate, integral=State(start).axis_rates, previous=path.previous)
     function = _sample_function(controller, prepared, drive, observes=path.sensed)
     machine_code = CompiledStep(function)
     machine_code.compile()

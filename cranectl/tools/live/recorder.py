@@ -137,5 +137,6 @@ class Recorder:
                     raise _DiscardedError
             self.files.append(path)
             if text:
-                with File(path).writing(remedy=REMEDY, error=LogError):
-                    File(path.with_suffix(f".{DRIVEN}")).write_text(text)
+                beside = File(path.with_suffix(f".{DRIVEN}"))
+                with beside.writing(remedy=REMEDY, error=LogError):
+                    beside.write_text(text)
