@@ -192,7 +192,7 @@ def _derivatives(stem: str, symbol: str, quantity: str, orders: range) -> tuple[
     )
 
 
-STATE = SignalGroup.STATE = SignalGroup(
+SignalGroup.STATE = SignalGroup(
     "state",
     "State",
     "joint positions and velocities, in the order of the thesis's (3.21)",
@@ -227,7 +227,7 @@ SignalGroup.FLAT_OUTPUT = SignalGroup(
     _derivatives("load", "z", "load as seen by the tracker", range(5)),
 )
 
-REFERENCE = SignalGroup.REFERENCE = SignalGroup(
+SignalGroup.REFERENCE = SignalGroup(
     "load",
     "Reference",
     "desired load position and derivatives",
@@ -283,12 +283,12 @@ SignalGroup.LOAD_FORCE = SignalGroup(
     tuple(Signal(f"load_force_{a}", f"f_{a}", "N", f"force on the load along {a}") for a in AXES),
 )
 
-MEASUREMENT = SignalGroup.MEASUREMENT = SignalGroup(
+SignalGroup.MEASUREMENT = SignalGroup(
     "measurement",
     "Measurement",
     "measured joint positions and velocities, and disturbances estimated by the observer",
     (
-        *STATE.signals,
+        *SignalGroup.STATE.signals,
         Signal("alpha_disturbance_estimate", "d̂_α", "rad/s²", "unexplained angular acceleration of alpha"),
         Signal("beta_disturbance_estimate", "d̂_β", "rad/s²", "unexplained angular acceleration of beta"),
     ),
@@ -308,13 +308,16 @@ SignalGroup.RESIDUAL = SignalGroup(
     ),
 )
 
+# Judged controllers of the benchmark, whose files must not change, import these.
+STATE, REFERENCE, MEASUREMENT = SignalGroup.STATE, SignalGroup.REFERENCE, SignalGroup.MEASUREMENT
+
 # Recorded in every simulated run, with any controller.
-COMMON = (STATE, SignalGroup.LOAD, SignalGroup.INPUT, SignalGroup.DISTURBANCE)
+COMMON = (SignalGroup.STATE, SignalGroup.LOAD, SignalGroup.INPUT, SignalGroup.DISTURBANCE)
 
 # Indices within groups for kernels: in the state, of axes, and of derivatives, which have three axes each.
 BRIDGE, BRIDGE_RATE, TROLLEY, TROLLEY_RATE, ROPE, ROPE_RATE, ALPHA, ALPHA_RATE, BETA, BETA_RATE = range(10)
 X, Y, Z = range(len(AXES))
-POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(REFERENCE), len(AXES))
+POSITION, VELOCITY, ACCELERATION, JERK, SNAP = range(0, len(SignalGroup.REFERENCE), len(AXES))
 TENSION = SignalGroup.LOAD.names.index("rope_tension")  # index in the group of the load
 
 
@@ -339,6 +342,6 @@ class RecordColumns(NamedTuple):
 
 _STARTS = (0, *accumulate(len(group) for group in SignalGroup.recorded(SignalGroup.of_flat_tracker(0))))
 _OWN = _STARTS[len(COMMON)]  # of what a controller adds
-_PATH = len(MEASUREMENT), len(MEASUREMENT) + len(SignalGroup.command("acceleration"))
+_PATH = len(SignalGroup.MEASUREMENT), len(SignalGroup.MEASUREMENT) + len(SignalGroup.command("acceleration"))
 _TENSION = _STARTS[COMMON.index(SignalGroup.LOAD)] + TENSION
 COLUMN = RecordColumns._make((*_STARTS, _TENSION, _OWN + 6, _OWN + 12, *_PATH))

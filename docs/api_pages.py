@@ -12,7 +12,6 @@ import re
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel
@@ -20,7 +19,7 @@ from pydantic.fields import FieldInfo
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cranectl"
 MAX_VALUE = 60  # characters of a constant's value that are shown
-TITLES = {"class": "Classes", "function": "Functions", "data": "Constants and types", "module": "Modules"}
+TITLES = {"class": "Classes", "function": "Functions", "data": "Constants and types"}
 
 
 class Name(NamedTuple):
@@ -38,8 +37,6 @@ class Name(NamedTuple):
     @property
     def kind(self) -> str:
         """A key of `TITLES`."""
-        if isinstance(self.value, ModuleType):
-            return "module"
         if inspect.isclass(self.value):
             return "class"
         is_function = callable(self.value) and hasattr(self.value, "__wrapped__")
@@ -59,8 +56,6 @@ class Name(NamedTuple):
             shown = repr(self.value)
             value = f"   :value: {shown}\n" if len(shown) <= MAX_VALUE and " at 0x" not in shown else ""
             return f".. py:data:: {path}\n{value}\n   {_plain(self.summary)}\n"
-        if self.kind == "module":
-            return f"- ``{self.name}``: {_plain(self.summary)}\n"
         if self.kind == "function":
             return f".. autofunction:: {path}\n"
         fields = self.fields()
@@ -91,7 +86,7 @@ def faces() -> dict[str, list[Name]]:
         room, names = stub.parent.name, []
         for node in ast.parse(stub.read_text(encoding="utf-8")).body:
             assert isinstance(node, ast.ImportFrom)
-            file = stub.parent.joinpath(*(node.module or "__init__").split(".")).with_suffix(".py")
+            file = stub.parent.joinpath(*(node.module or "").split(".")).with_suffix(".py")
             names += [Name(room, alias.name, file) for alias in node.names]
         found[room] = sorted(names, key=lambda name: name.name.lower())
     return found

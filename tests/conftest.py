@@ -29,7 +29,7 @@ STILL = np.zeros(6)  # no wind, and no force on the load
 
 
 def random_states(n: int, seed: int = 0) -> np.ndarray:
-    """Return random states of the operating envelope, shape (n, 10), in the order of signals.STATE."""
+    """Return random states of the operating envelope, shape (n, 10), in the order of SignalGroup.STATE."""
     rng = np.random.default_rng(seed)
     low = [0.0, -1.0, 0.0, -1.0, 0.1, -0.5, -0.8, -2.0, -0.8, -2.0]
     high = [2.0, 1.0, 1.54, 1.0, 1.4, 0.5, 0.8, 2.0, 0.8, 2.0]

@@ -3,7 +3,7 @@
 The step has this C signature in any language; all numbers are in SI units:
 
     int64_t step(const double *parameters,  /* the controller's own, made once by `prepare` */
-                 const double *measured,    /* 12, order of signals.MEASUREMENT; or 5 encoder readings */
+                 const double *measured,    /* 12, order of SignalGroup.MEASUREMENT; or 5 encoder readings */
                  const double *reference,   /* 15 a row (z_d and four derivatives), 1 + preview rows */
                  double *memory,            /* the controller's own, as `prepare` or the last step left it */
                  double *command);          /* 3, bridge, trolley, rope, of the declared kind */
@@ -134,7 +134,7 @@ class Nominal(NamedTuple):
     reference : ndarray, shape (N, 15)
         A row for each control sample: the path with four derivatives, or set-points.
     state : ndarray, shape (10,)
-        State at the start of the reference, in the order of `signals.STATE`.
+        State at the start of the reference, in the order of `SignalGroup.STATE`.
     parameters : Mapping
         All parameters that the controller declares.
     axis_design : Design or None

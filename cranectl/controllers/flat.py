@@ -140,7 +140,7 @@ def linearising_step(tracker, state, memory, v, command):
 def control_step(tracker, state, reference, memory, row):
     """Compute the accelerations of one sample from measured joints and reference.
 
-    `state` (10,) is in the order of `signals.STATE`, `reference` has shape (15,), and `memory` is advanced by
+    `state` (10,) is in the order of `SignalGroup.STATE`, `reference` has shape (15,), `memory` is advanced by
     one period. Writes the flat output, error, input, virtual input and controller blocks of the record `row`.
     Returns RUNNING. If the control law is not defined at `state`, returns why, and writes nothing.
     """

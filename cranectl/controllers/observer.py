@@ -60,7 +60,7 @@ def correct(observer, joint, position, memory):
 
 @jit
 def observe(observer, readings, memory, measured):
-    """Correct all estimates by `readings` (5,); write `measured` (12,), ordered as `signals.MEASUREMENT`."""
+    """Correct all estimates by `readings` (5,); write `measured` (12,), as in `SignalGroup.MEASUREMENT`."""
     for joint in range(JOINTS):
         correct(observer, joint, readings[joint], memory)
         measured[2 * joint] = memory[EXPECTED.position + joint]

@@ -98,7 +98,7 @@ def axis_masses(rig: RigParameters) -> AxisMasses:
 
 @jit
 def _rope_force(state, u_x, u_y, u_l, gravity):
-    """Return `specific_rope_force` at `state` (10,), in the order of `signals.STATE`."""
+    """Return `specific_rope_force` at `state` (10,), in the order of `SignalGroup.STATE`."""
     return specific_rope_force(
         state[ROPE], state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, gravity
     )
@@ -109,7 +109,7 @@ def drive_forces(masses, state, u_x, u_y, u_l):
     """Return the forces [N] that accelerate bridge, trolley, rope by (u_x, u_y, u_l) [m/s²].
 
     Each drive moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1). So
-    F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) is as `signals.STATE`.
+    F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) is as `SignalGroup.STATE`.
     """
     n = rope_direction(state[ALPHA], state[BETA])
     tension = -masses.load * _rope_force(state, u_x, u_y, u_l, masses.gravity)

@@ -66,7 +66,7 @@ def angles_from_slopes(p_x, p_y, p_x_dot, p_y_dot):
 def flat_output(state, zeta, zeta_dot, gravity, output):
     """Write the load position and its first three derivatives into `output`, from state and extension.
 
-    `state` is in the order of `signals.STATE`. `zeta` and `zeta_dot` are the vertical acceleration of the
+    `state` is in the order of `SignalGroup.STATE`. `zeta` and `zeta_dot` are the vertical acceleration of the
     load [m/s²] and its rate. `output[0:12]` becomes (z, z', z'', z'''), three axes each, by (3.24), (3.25),
     (3.43) and (3.44).
     """
@@ -138,7 +138,7 @@ def state_and_input(flat, gravity, state, inputs):
     """Write `state` and `inputs` that follow from the load position and its four derivatives.
 
     `flat` (15,) is (z, z', z'', z''', z''''), three axes each. `state` (10,) is in the order of
-    `signals.STATE`, and `inputs` (3,) is (x_c'', y_c'', l'') [m/s²], by the corrected (3.34) to (3.39).
+    `SignalGroup.STATE`, and `inputs` (3,) is (x_c'', y_c'', l'') [m/s²], by the corrected (3.34) to (3.39).
     z_3 < 0 and z_3'' + g > 0 must hold.
     """
     lift = flat[ACCELERATION + Z] + gravity

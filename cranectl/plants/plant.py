@@ -129,7 +129,7 @@ class Kernels(NamedTuple):
 
 
 class Plant(Protocol):
-    """Simulate a crane. All arrays are in SI units, states in the order of `signals.STATE`.
+    """Simulate a crane. All arrays are in SI units, states in the order of `SignalGroup.STATE`.
 
     The command is an acceleration (x_c'', y_c'', l'') [m/s²] with ideal drives, a velocity set-point [m/s]
     with velocity drives, and a force [N] with force drives; that of the winch is positive when it pays out.

@@ -40,7 +40,7 @@ class OpenRun(SteppedCranes):
         Parameters
         ----------
         state : array_like, shape (10,), optional
-            The state at the start, in the order of `signals.STATE`; by default the scenario's, or drawn.
+            The state at the start, in the order of `SignalGroup.STATE`; by default the scenario's, or drawn.
         seed : int, optional
             Draws noise and gusts anew. Without `state` it also draws where the crane begins at rest: uniform
             over the workspace, less a tenth of each range at both ends.
@@ -97,7 +97,7 @@ class OpenRun(SteppedCranes):
 
     @property
     def state(self) -> Array:
-        """The present state, shape (10,), in the order of `signals.STATE`."""
+        """The present state, shape (10,), in the order of `SignalGroup.STATE`."""
         state: Array = self._states[0].copy()
         return state
 

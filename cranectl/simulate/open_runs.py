@@ -111,7 +111,7 @@ class OpenRuns(SteppedCranes):
 
     @property
     def states(self) -> Array:
-        """The present states, shape (cranes, 10), in the order of `signals.STATE`."""
+        """The present states, shape (cranes, 10), in the order of `SignalGroup.STATE`."""
         return self._states.copy()
 
     @property

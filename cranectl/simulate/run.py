@@ -32,7 +32,7 @@ class Run:
     table : ndarray, shape (N, columns of `groups`)
         All signals.
     reference : ndarray, shape (N, 15) or (N, 0)
-        The reference, in the order of `signals.REFERENCE`; no columns without a reference.
+        The reference, in the order of `SignalGroup.REFERENCE`; no columns without a reference.
     status : RunStatus
         How the run ended.
     end_ns : int

@@ -158,7 +158,7 @@ class SignalPath(NamedTuple):
 
 @jit
 def sense(path, row, measured):
-    """Measure the state in `row`; write `measured` (12,), in the order of `signals.MEASUREMENT`."""
+    """Measure the state in `row`; write `measured` (12,), in the order of `SignalGroup.MEASUREMENT`."""
     offset = path.calibration.rope_offset
     if not path.sensed:
         for i in range(2 * JOINTS):

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cranectl import signals
 from cranectl.compare.runs import compare_runs
 from cranectl.log.events import Disturbed, Phase, Saturated, phases
 from cranectl.log.reader import read_log
@@ -21,6 +20,7 @@ from cranectl.log.writer import check_complete, write_log
 from cranectl.mcap_columns.rows import EncodedRows
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings
+from cranectl.signals import Signal, SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
@@ -110,7 +110,7 @@ def test_protobuf_decodes_the_same_values(log: Path) -> None:
     """Parse messages with the schema in the file and Google's parser, independently of our byte layout."""
     read = read_log(log)
     groups = {f"/{plant}/{group.name}": group for plant, run in read.items() for group in run.groups}
-    groups["/reference/load"] = signals.REFERENCE
+    groups["/reference/load"] = SignalGroup.REFERENCE
     decoded: dict[str, list[list[float]]] = defaultdict(list)
     with log.open("rb") as stream:
         for schema, channel, message in make_reader(stream).iter_messages():
@@ -234,9 +234,7 @@ def test_encoding_preserves_every_double() -> None:
     values = np.array([special * 4, special[::-1] * 4])
     messages = [*EncodedRows(values)]
     assert decode_rows(messages, 24).tobytes() == values.tobytes()
-    group = signals.SignalGroup(
-        "g", "Wide", "", tuple(signals.Signal(f"s{k}", "s", "1", "") for k in range(24))
-    )
+    group = SignalGroup("g", "Wide", "", tuple(Signal(f"s{k}", "s", "1", "") for k in range(24)))
     parsed = message_type("cranectl.Wide", group_schema(group)).FromString(messages[0])
     assert [getattr(parsed, f"s{k}") for k in range(24)] == special * 4
 

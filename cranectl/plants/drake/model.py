@@ -28,7 +28,7 @@ from cranectl.scenario import Body, EffectSettings, Frame, RigParameters
 from cranectl.support import Array
 
 AXES = ("bridge_position", "trolley_position", "rope_length")  # joints; each has an actuator of its name
-JOINTS = (*AXES, "alpha", "beta")  # in the order of signals.STATE
+JOINTS = (*AXES, "alpha", "beta")  # in the order of SignalGroup.STATE
 LOAD, HOOK = "load", "hook"  # the hook is the rope's end if the load is a body under it
 
 # An ideal drive turns a rotor so inert that no crane slows it: its acceleration is force / inertia.

@@ -1,6 +1,6 @@
 """Constants, state vector and initial state of the elastic crane.
 
-The state (22) begins with the joints, in the order of `signals.STATE`. Then it has
+The state (22) begins with the joints, in the order of `SignalGroup.STATE`. Then it has
 
     e, e'   stretch of the rope and its rate; the distance from pivot to hook is r = l - offset + e
     b, w    unit vector from hook to the load's centre of mass, and its angular velocity [rad/s], (x, y, z)

@@ -10,7 +10,7 @@ in the tangent space. So a ball joint has three coordinates, turns about the bod
 Its rates are about the axes that the body has at the first state. So a turn about the rope, on which nothing
 depends, does not change the rates either.
 
-The ten measured signals come first, in the order of `signals.STATE`. Positions and velocities of the other
+The ten measured signals come first, ordered as `SignalGroup.STATE`. Positions and velocities of the other
 joints follow. With drag the last three are the load's velocity, from which the next step computes the drag.
 """
 
@@ -73,7 +73,7 @@ class Equilibrium:
 
     @property
     def joints(self) -> Array:
-        """Joint positions and velocities (10,), in the order of `signals.STATE`."""
+        """Joint positions and velocities (10,), in the order of `SignalGroup.STATE`."""
         joints, rig = np.zeros(JOINT_SIGNALS), self.plant.rig
         joints[0::2], joints[1::2] = self.base.qpos[rig.joints], self.base.qvel[rig.rates]
         return joints

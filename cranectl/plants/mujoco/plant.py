@@ -64,7 +64,7 @@ class MujocoRig(NamedTuple):
 
 @jit
 def measure_joints(rig, state):
-    """Write the joint positions and velocities (10,) into `state`, in the order of `signals.STATE`."""
+    """Write the joint positions and velocities (10,) into `state`, in the order of `SignalGroup.STATE`."""
     if rig.sites.active:
         measure_sites(rig, state)
         return
@@ -238,7 +238,7 @@ class MujocoPlant:
         Parameters
         ----------
         start : Array
-            Joints (10,) of the crane without effects, in the order of `signals.STATE`.
+            Joints (10,) of the crane without effects, in the order of `SignalGroup.STATE`.
         tilt : Array
             Disturbance (2,) of the angles [rad/s²].
         air : Array

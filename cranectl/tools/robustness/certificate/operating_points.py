@@ -50,7 +50,7 @@ MAX_OPERATING_VALUE = 1e4  # of tilts and hoisting speeds
 class EquilibriumState:
     """The tracker's signals at an operating point."""
 
-    joints: Array  # (10,), order of signals.STATE
+    joints: Array  # (10,), order of SignalGroup.STATE
     zeta: float  # [m/s²]
     virtual_input: Array  # (3,) [m/s⁴]
 
