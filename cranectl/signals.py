@@ -79,7 +79,7 @@ class SignalGroup:
 
         `kind` is acceleration, velocity or force.
         """
-        symbol, unit = _COMMANDS[kind]
+        symbol, unit = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}[kind]
         axes = {"bridge": "x", "trolley": "y", "rope": "l"}.items()
         description = "commands that arrive at the drives, and whether a limit has cut them off"
         arriving = [
@@ -294,7 +294,6 @@ SignalGroup.MEASUREMENT = SignalGroup(
     ),
 )
 
-_COMMANDS = {"acceleration": ("u", "m/s²"), "velocity": ("w", "m/s"), "force": ("F", "N")}  # symbol, unit
 _RESIDUALS = (
     ("bridge", "x_c", "m"), ("trolley", "y_c", "m"), ("rope", "l", "m"), ("alpha", "α", "rad"),
     ("beta", "β", "rad"), ("load_x", "z₁", "m"), ("load_y", "z₂", "m"), ("load_z", "z₃", "m"),
@@ -303,9 +302,7 @@ SignalGroup.RESIDUAL = SignalGroup(
     "residual",
     "Residual",
     "measured minus predicted",
-    tuple(
-        Signal(f"{n}_residual", f"Δ{s}", unit, f"measured minus predicted {n}") for n, s, unit in _RESIDUALS
-    ),
+    tuple(Signal(f"{n}_residual", f"Δ{s}", u, f"measured minus predicted {n}") for n, s, u in _RESIDUALS),
 )
 
 # Judged controllers of the benchmark, whose files must not change, import these.

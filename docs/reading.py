@@ -64,7 +64,8 @@ def _definitions(tree: ast.Module | ast.ClassDef, prefix: str = "") -> Iterator[
             yield from _definitions(node, f"{node.name}.")
         targets = node.targets if isinstance(node, ast.Assign) else []
         targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
-        yield from ((prefix + name.id, node) for name in targets if isinstance(name, ast.Name))
+        named = (target for target in targets if isinstance(target, ast.Name | ast.Attribute))
+        yield from ((prefix + ast.unparse(target), node) for target in named)
 
 
 def _lines(node: ast.stmt) -> range:

@@ -348,19 +348,22 @@ def take_samples(rig, count, work, inputs):
 
 
 def test_a_sample_takes_hardly_longer_than_the_engines_own_step(tmp_path: Path) -> None:
-    """The ratio of times in one process does not depend on the machine; 1.05 was measured."""
+    """The ratio of times in one process does not depend on the machine; 1.07 was measured.
+
+    Each part takes less than a millisecond, so that other work on the machine leaves some of them alone.
+    """
     scenario = load_scenario(write_hall(tmp_path))
     plant: Any = PLANTS.make(str(MODELS / "hall.xml"), scenario, "velocity")
     state = Plan.of(scenario).initial_state
     state[[6, 8]] = 0.05, 0.03
     work, inputs = (np.zeros(10), np.zeros(7)), (np.zeros(3), np.zeros(2), np.zeros(6))
     tasks = {
-        "steps": lambda: take_steps(plant.rig, 2000),
-        "run": lambda: take_samples(plant.rig, 2000, work, inputs),
+        "steps": lambda: take_steps(plant.rig, 100),
+        "run": lambda: take_samples(plant.rig, 100, work, inputs),
     }
     best = dict.fromkeys(tasks, np.inf)
-    for round_number in range(100):  # more than ten only on a machine that does other things too
-        if round_number >= 10 and best["run"] < 1.3 * best["steps"]:
+    for round_number in range(10_000):  # more than 200 only on a machine that does other things too
+        if round_number >= 200 and best["run"] < 1.3 * best["steps"]:
             break
         for task, run in tasks.items():
             plant.reset(state)
