@@ -56,8 +56,10 @@ class CompiledController(NamedTuple):
         places = np.array([place for place, _ in controller.logged], dtype=np.int64)
         if controller.records_all:
             places = np.arange(len(memory) - recorded, len(memory))
-        if controller.preview:
+        if controller.preview:  # the step reads that many rows more, and behind a pointer sees no end
             reference = np.concatenate([reference, np.repeat(reference[-1:], controller.preview, axis=0)])
+        # Before there is a step, a function makes it: of a library, another process or an interpreter. It is
+        # told how long the five arrays are.
         rows = 15 * (1 + controller.preview)
         sizes = Sizes(len(parameters), 12, rows, len(memory), 3)
         compiled = cls(
@@ -86,6 +88,7 @@ class CompiledController(NamedTuple):
         """Return the controller with the address of its step in this process."""
         if self.address:
             return self
+        # Not before: an address is good in one process only, and a controller may be prepared in another.
         entry, sizes = OPEN.entries[self.entry]
         with ForeignCode.environment_kept():
             address = entry(sizes, self.parameters)
@@ -94,7 +97,7 @@ class CompiledController(NamedTuple):
     def with_own_memory(self) -> "CompiledController":
         """Return the controller with new work arrays; one from outside also gets copies of its constants."""
         own = _memories()
-        if self.outside:
+        if self.outside:  # what its step writes there by mistake must not reach another run
             own |= {"parameters": self.parameters.copy(), "reference": self.reference.copy()}
         return self._replace(**own)
 
@@ -125,6 +128,7 @@ def _call(_typing, _address, parameters, measured, reference, memory, command):
 
     arrays = (parameters, measured, reference, memory, command)
 
+    # The address is a number and not a part of a type, so one compiled loop serves all controllers.
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         double = ir.DoubleType().as_pointer()
         step = ir.FunctionType(ir.IntType(64), [double] * 5).as_pointer()
@@ -150,7 +154,7 @@ if CompiledStep.UNCOMPILED:
 def record_controller(compiled, state, reference, memory, row):
     """Write load and error, computed from the joints, and the controller's own signals into `row`."""
     recorded = compiled.places.shape[0]
-    if compiled.records_all:
+    if compiled.records_all:  # the flat tracker, which keeps load and error at the end of its memory
         first = memory.shape[0] - recorded
         for i in range(recorded):
             row[COLUMN.flat_output + i] = memory[first + i]
@@ -174,12 +178,14 @@ def addressed_step(compiled, state, reference, memory, row):
         if status != RUNNING:
             return status
     sample = compiled.clock[0]
+    # Between two steps the command is held: `compiled.command` still has it.
     if compiled.every == 1 or sample % compiled.every == 0:
         rows = compiled.reference[min(sample, compiled.samples - 1)]
         status = _call(
             compiled.address, compiled.parameters, compiled.measured, rows, memory, compiled.command
         )
         if status != 0:
+            # A step may end the run for one of these reasons; any other number means that it failed.
             return status if SLACK_ROPE <= status <= NON_FINITE else CONTROLLER_FAILED
         for i in range(3):
             if not isfinite(compiled.command[i]):
@@ -197,6 +203,7 @@ def addressed_wait(compiled, state, reference, memory, row):
     if compiled.slack_place >= 0:
         memory[compiled.slack_place] = ROPE_SLACK
         rows = compiled.reference[min(compiled.clock[0], compiled.samples - 1)]
+        # What it commands and returns is not used, because the drives brake while the rope is slack.
         _call(compiled.address, compiled.parameters, compiled.measured, rows, memory, compiled.command)
     compiled.clock[0] += 1
     record_controller(compiled, state, reference, memory, row)

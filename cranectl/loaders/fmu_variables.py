@@ -75,6 +75,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     all_inputs, all_outputs = (
         [variable for variable in declared if variable.causality == cause] for cause in ("input", "output")
     )
+    # The table maps outputs to commands, but a held axis has no output: there the command stands at the left.
     held_axes = _held(table, all_outputs, source)
     outputs = {name: meant for name, meant in table.outputs.items() if name not in held_axes}
     meant = _meant(outputs, all_outputs, "output", source)
@@ -82,6 +83,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     constant = [variable for variable in all_inputs if not isinstance(signals[variable.name], str)]
     free = [variable for variable in all_inputs if _keeps_its_start(variable, table)]
     inputs = [variable for variable in all_inputs if variable not in constant and variable not in free]
+    # A step gets one array of measurements: an FMU that reads one encoder cannot read the state too.
     encoders = any(signals[variable.name] in ENCODERS for variable in inputs)
     known = {**(ENCODERS if encoders else STATES), **REFERENCES}
     for variable in (*inputs, *constant):
@@ -99,6 +101,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
     definitions = {unit.name: unit for unit in description.unitDefinitions}
     conversion = Conversion(file, source, definitions, table.units)
     conversion.check_stated([*inputs, *commanding])
+    # The group goes on with the signals that say whether a limit acts, so it is longer than COMMANDS.
     drives = zip(COMMANDS, SignalGroup.command(table.command).signals, strict=False)
     in_si = UNITS | {command: drive.unit for command, drive in drives}
     exchanged = [
@@ -106,6 +109,7 @@ def variables_of(file: ControllerFile, description: Any) -> Variables:
         *zip(commands, COMMANDS, strict=True),
     ]
     others = [variable for variable in all_outputs if variable not in commanding and _is_number(variable)]
+    # What is connected is set at each step or once; as a parameter it would be set a second time.
     parameters = _settable(declared, free, connected=[*inputs, *constant])
     return Variables(
         table=table,
@@ -179,7 +183,7 @@ def _meant(table: Mapping[str, Any], variables: Sequence[Any], cause: str, sourc
                 allowed=", ".join(names) or f"it has no {cause}s",
                 remedy=InputError.did_you_mean(name, names) or "correct the name",
             )
-    return {name: table.get(name, name) for name in names}
+    return {name: table.get(name, name) for name in names}  # without an entry, a name means itself
 
 
 def _check_type(variable: Any, file: ControllerFile) -> None:
@@ -215,7 +219,7 @@ def _commands(
         _check_type(fitting[0], file)
         result += fitting
     for name, signal in meant.items():
-        if signal not in (*COMMANDS, name):
+        if signal not in (*COMMANDS, name):  # an output that means itself is logged
             raise InputError(
                 f"{source}: outputs: {name} = '{signal}'",
                 allowed=", ".join(COMMANDS),
@@ -273,6 +277,7 @@ def _named(variables: Sequence[Any], file: ControllerFile) -> dict[str, Any]:
     """Return the variables by names that signals allow; raise InputError if two would be equal."""
     named: dict[str, Any] = {}
     for variable in variables:
+        # FMI allows names such as `axis[1].der(x)`; a name that begins with a digit gets _ before it.
         name = re.sub(r"\W+|^(?=\d)", "_", variable.name, flags=re.ASCII)[: Controller.MAX_SIGNAL_NAME]
         if name in named:
             raise InputError(

@@ -120,6 +120,7 @@ class Channels:
             return
         logs, counts = [self._open(stream).log for stream in streams], [0] * len(streams)
         for stream in streams:
+            # Signals (they have metadata) and texts are what was; a late viewer needs the others.
             if stream.messages and not stream.metadata and stream.topic != Topics.LOG:
                 self._latest[stream.topic] = stream.messages[-1]
         try:
@@ -171,7 +172,7 @@ class LogFile:
         Metadata and attachments come first, so that a file that is cut off can still be understood. Raises
         LogError if anything fails. Another exception of the block discards the file.
         """
-        part, before = None, channels.sent.total()
+        part, before = None, channels.sent.total()  # channels outlive the files of a live session
         try:
             with File(path).replacing(keep_after=FAILURES) as part:
                 with KeptError(part) as target, _open_file(target, channels.context) as file:
@@ -243,7 +244,7 @@ class KeptError:
         """Go to another place, also in what was dropped, and return it."""
         start = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
         self._place = start + offset
-        if offset or whence != os.SEEK_CUR:
+        if offset or whence != os.SEEK_CUR:  # else the library only asks where it is, after each message
             self._attempt(lambda: self._stream.seek(self._place))
         return self._place
 
@@ -263,7 +264,7 @@ class KeptError:
         """Close the file; raise the error that was kept."""
         self._attempt(self._stream.close)
         if self._errors:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # closing tries again to write what is buffered
                 self._stream.close()
             raise self._errors[0]
 
@@ -276,6 +277,7 @@ class KeptError:
 
 
 def _open_file(target: KeptError, context: foxglove.Context) -> foxglove.MCAPWriter:
+    # By default there are as many threads as processors; the bytes of a log must not depend on these.
     options = MCAPWriteOptions(chunk_size=CHUNK_SIZE, compression_threads=0)
     stream: Any = target  # of which the library only asks to write, seek and flush
     return foxglove.open_mcap(stream, allow_overwrite=True, context=context, writer_options=options)

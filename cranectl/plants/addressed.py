@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from cranectl.plants.plant import Kernels, Plant
 from cranectl.support import Array, Block, CompiledStep, Specialised, jit
 
+# What `_step` takes: block, action, state, three commands, then disturbance, wind and load. A C function takes
+# neither arrays nor tuples, so arrays pass as pointers and the commands one by one.
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
 MEASURE, ADVANCE = 0, 1  # actions of `_step`
@@ -32,7 +34,7 @@ class AddressedPlant(NamedTuple):
     def of(cls, kernels: Kernels, handle: Any) -> "AddressedPlant":
         """Return the plant of `kernels` and `handle`; numbers of the handle are copied, arrays are shared."""
         warned = np.zeros(1, dtype=np.int64)
-        if CompiledStep.UNCOMPILED:
+        if CompiledStep.UNCOMPILED:  # there are no addresses; `_call_uncompiled` calls the kernels themselves
             return cls(cast(Any, kernels), handle, warned)
         block = Block(handle)
         return cls(_address(kernels, block.kind), block.numbers, warned)
@@ -53,6 +55,7 @@ class AddressedPlant(NamedTuple):
 @functools.cache
 def _address(kernels: Kernels, kind: Any) -> int:
     """Compile `_step` with `kernels` for handles of type `kind`; return its address. Both name it on disk."""
+    # Python's hash() differs from process to process, and then no process would find the file of another.
     names = [f"{kernel.__module__}.{kernel.__qualname__}" for kernel in kernels]
     name = hashlib.sha256(" ".join([*names, str(kind)]).encode()).hexdigest()[:16]
     return Specialised(_step, name, unpack=Block.unpacker(kind), **kernels._asdict()).address(_ARGUMENTS)
@@ -80,7 +83,7 @@ def _step(block, action, state, bridge, trolley, winch, disturbance, wind, load)
 def _call(_typing, _address, block, _action, state, command, disturbance, wind, load):
     """Call `_step` at an address, with pointers to the data of contiguous arrays."""
     if any(array.layout != "C" for array in (block, state, disturbance, wind, load)):
-        return None
+        return None  # Numba refuses the call: behind a pointer, `_step` cannot see strides
 
     def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
         from llvmlite import ir
@@ -95,6 +98,7 @@ def _call(_typing, _address, block, _action, state, command, disturbance, wind, 
             *[builder.extract_value(arguments[4], axis) for axis in range(3)],
             *map(pointer, (disturbance, wind, load), arguments[5:]),
         ]
+        # The address is a number and not a part of a type, so one compiled loop serves all plants.
         step = ir.FunctionType(ir.IntType(64), [argument.type for argument in values]).as_pointer()
         return builder.call(builder.inttoptr(arguments[0], step), values)
 
@@ -118,12 +122,15 @@ if CompiledStep.UNCOMPILED:
 @jit
 def measure_addressed(plant, state):
     """Write the joint positions and velocities (10,) into `state`."""
+    # To measure reads none of the arguments after `state`; any array will do in their places.
     _call(plant.address, plant.block, MEASURE, state, (0.0, 0.0, 0.0), state, state, state)
 
 
 @jit
 def advance_addressed(plant, command, disturbance, wind, load):
     """Advance by one control period; see `Plant.advance`."""
+    # The first `load` stands in place of the state, which is not read. Kernels return nothing, so the number
+    # of warnings is kept here until the loop asks for it.
     plant.warned[0] = _call(plant.address, plant.block, ADVANCE, load, command, disturbance, wind, load)
 
 
