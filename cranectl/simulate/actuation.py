@@ -54,7 +54,7 @@ class UnloadedDrives(NamedTuple):
         period = nominal.period_ns / NANOSECONDS
         return cls(
             are_read=not DRIVES[drive].is_prescribed,
-            share=-np.expm1(-period / nominal.rig.time_constants),
+            share=-np.expm1(-period / nominal.rig.time_constants),  # exact for a held set-point
             period=period,
             velocity=initial_integral(start),
         )

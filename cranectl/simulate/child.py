@@ -26,6 +26,7 @@ Advance = Callable[[int], tuple[int, int, int]]  # first row of a block → (com
 def shared_zeros(shape: tuple[int, int]) -> Array:
     """Return an array of zeros in memory that child processes share."""
     count = shape[0] * shape[1]
+    # Without a file, a map is shared with forked processes. It must not be empty, as an array may be.
     return np.frombuffer(mmap.mmap(-1, max(8 * count, 1)), dtype=np.float64, count=count).reshape(shape)
 
 

@@ -82,6 +82,7 @@ class Loop:
         endless: bool = False,
         records: tuple[Array, Array] | None = None,
     ) -> None:
+        # `reset` comes second: on the elastic plant the check leaves the damping of its own rope length.
         plant.check_length(plan.shortest_rope)
         plant.reset(plan.initial_state)
         self.scenario, self.plant, self.plan, self.controller = plan.scenario, plant, plan, controller
@@ -126,7 +127,7 @@ class Loop:
         before, after = self.controller.design.axis_design, controller.design.axis_design
         if before is not None and after is not None:
             carried = len(memory) if after.robustifier is before.robustifier else MEMORY.robustifier
-        own.clock[0] = self.samples
+        own.clock[0] = self.samples  # rows of the reference are counted from the start of the run
         memory[:carried] = self.memory[:carried]
         self.inputs = self.inputs._replace(controller=own)
         self.memory, self.controller = memory, controller
@@ -164,7 +165,7 @@ class Loop:
             complete, end, code = self.block(inputs, path, record, self.memory, 0, samples)
             status = RunStatus(code)
             if status == RunStatus.RUNNING:
-                end = samples - 1
+                end = samples - 1  # a block that does not end the run returns the sample after its last
                 if not self._endless and first + samples == len(self.plan.time_ns):
                     status = RunStatus.COMPLETED
             self.samples, self._end, self.status = first + complete, first + end, status
@@ -291,7 +292,7 @@ class Loop:
             wind=plan.wind,
             workspace=scenario.reach,
             stop_outside=scenario.workspace.on_exit == "stop",
-            command_column=COLUMN.input + (DRIVES[drive].column or 0),
+            command_column=COLUMN.input + (DRIVES[drive].column or 0),  # forces are read from the path
             recover=scenario.effects.rope is not None and scenario.effects.rope.on_slack == "recover",
             slack=np.zeros(1),
         )

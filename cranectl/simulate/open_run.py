@@ -86,7 +86,7 @@ class OpenRun(SteppedCranes):
         """
         check_samples(samples)
         commands, before = checked_numbers("command", command, 3)[np.newaxis], self._clock[0, 0]
-        for first in range(0, samples, ROWS):
+        for first in range(0, samples, ROWS):  # the record has no more rows, and is then overwritten
             self._advance(commands, min(ROWS, samples - first))
             if rows := self._clock[0, 0] - before:
                 self._parts.append(self._last_rows(0, rows))
@@ -155,6 +155,7 @@ class OpenRun(SteppedCranes):
         samples, period_ns = loop.scenario.steps + 1, loop.scenario.period_ns
         table = np.concatenate(tables)[:samples]
         status, end = self.status, int(self._clock[0, 1])
+        # A stop after the end of the scenario is in samples that are cut off.
         if not status.stopped or self._clock[0, 0] > samples:
             status = RunStatus.COMPLETED if len(table) == samples else RunStatus.INTERRUPTED
             end = len(table) - 1

@@ -211,7 +211,7 @@ def open_runs(
             allowed=f"1 to {MAX_CRANES} cranes, which are stepped together",
             remedy="open several runs of fewer cranes",
         )
-    check_several_plans(dict.fromkeys(chosen))
+    check_several_plans(dict.fromkeys(chosen))  # equal scenarios share one plan
     periods = {scenario.period_ns for scenario in chosen}
     if len(periods) != 1:
         raise InputError(

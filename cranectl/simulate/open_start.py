@@ -41,6 +41,7 @@ def begin(
             "seed", seed, 0, 2**63 - 1, "a whole number, from which noise and starts are drawn"
         )
         draw = np.random.default_rng(seed)
+        # Both seeds are drawn in any case, so that the start below does not depend on the effects.
         scenario = _with_seeds(scenario, *draw.integers(2**32, size=2).tolist())
         if state is None:
             state = np.zeros(len(SignalGroup.STATE))
@@ -66,7 +67,7 @@ def rest_at(scenario: Scenario, target: Array) -> Array:
     reference = np.zeros((1, len(SignalGroup.REFERENCE)))
     reference[0, :3] = target
     hanging = np.zeros(len(SignalGroup.STATE))
-    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)
+    State(hanging).axes[:] = target * (1.0, 1.0, -1.0)  # the rope hangs down and is -z long
     remedy = "give a target below the workspace of bridge and trolley, within reach of the rope"
     check_start(scenario, hanging, remedy=remedy, what="the target is")
     return reference
@@ -87,7 +88,7 @@ def checked_numbers(what: str, values: Sequence[float] | Array, *shape: int) -> 
     """Return finite numbers of this shape; raise InputError for anything else."""
     try:
         numbers = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError):  # the last: whole numbers too large for a float
         numbers = np.zeros(0)
     bad = np.argwhere(~np.isfinite(numbers))
     if numbers.shape != shape or len(bad):

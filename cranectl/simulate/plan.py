@@ -35,7 +35,7 @@ class PlannedReference:
         RunMemory(scenario).check_planned()
         time_ns = np.arange(scenario.steps + 1, dtype=np.int64) * scenario.period_ns
         reference = Trajectory.of(scenario.reference).sample(time_ns / NANOSECONDS)
-        _check_taut(scenario, time_ns, reference)
+        _check_taut(scenario, time_ns, reference)  # first, since a slack rope has no direction
         states, _ = states_and_inputs(reference, scenario.rig.gravity)
         _check_workspace(scenario, time_ns, states)
         _check_speed(scenario, time_ns, states)
@@ -55,7 +55,7 @@ class PlannedReference:
             self.gravity,
             scenario=scenario,
             initial_state=_initial_state(scenario, self),
-            disturbance=np.ascontiguousarray(disturbances[:, :2]),
+            disturbance=np.ascontiguousarray(disturbances[:, :2]),  # for strides loops would compile anew
             wind=np.hstack([air, disturbances[:, 2:]]),
         )
 
@@ -89,6 +89,7 @@ class Plan(PlannedReference):
 
 def rows_at(rows: Array, index: NDArray[np.integer[Any]] | np.integer[Any]) -> Array:
     """Return the rows at samples `index` (n,), or one, as a copy; after the end the last row is repeated."""
+    # NumPy returns a view of one row, and a copy of several.
     chosen: Array = rows[np.minimum(index, len(rows) - 1)]
     return chosen.copy() if np.ndim(index) == 0 else chosen
 
@@ -115,7 +116,7 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
     axes = State(state).axes
     outside = (axes < low - 1e-9) | (axes > high + 1e-9)
     if outside.any() or np.abs(State(state).angles).max() >= 0.5 * np.pi:
-        worst = int(np.argmax([*outside, True]))
+        worst = int(np.argmax([*outside, True]))  # 3, the angle, if no axis is outside
         name = [*State.AXIS_NAMES, "a cardan angle"][worst]
         value = f" = {axes[worst]:.4g} m, of {low[worst]:g} to {high[worst]:g}" if worst < 3 else ""
         raise InputError(

@@ -190,6 +190,7 @@ class Run:
 
         A run that was read from a log has only the samples of that log. Evenly spaced samples are views.
         """
+        # Slices instead of [0] and [-1], since a run may have no samples.
         samples = (self.time_ns - self.time_ns[:1]) // self.scenario.period_ns
         mask = samples % n == 0
         mask[-1:] = True

@@ -141,7 +141,7 @@ class SignalPath(NamedTuple):
         return cls(
             sensed=effects.sensing is not None,
             readings=np.zeros(JOINTS),
-            encoders=Encoders.of(sensing, samples if effects.sensing else 1),
+            encoders=Encoders.of(sensing, samples if effects.sensing else 1),  # never read without the effect
             observer=make_observer(bandwidth, period=period, gravity=nominal.rig.gravity),
             estimate=initial_estimate(start),
             assumed=np.zeros(3),
@@ -206,12 +206,12 @@ def act(path, actuation, integral, intended, row, commanded):
     limit_command(
         path.limits, actuation, integral, intended, path.previous, path.estimate, path.assumed, commanded
     )
-    command = commanded[:3]
+    command = commanded[:3]  # a view: what follows changes the record
     for axis in range(3):
         if abs(command[axis]) < path.calibration.dead_zone[axis]:  # neither controller nor observer knows it
             command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
-        predict(path.observer, path.assumed, path.estimate)
+        predict(path.observer, path.assumed, path.estimate)  # which knows of no delay
     transport(path.line, path.clock[0], command)
     path.clock[0] += 1

@@ -56,14 +56,14 @@ class SteppedCranes(TakesTurns):
     def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
         self._plants, count = tuple(plants), len(plants)
         self._period_ns = scenarios[0].period_ns
-        plan = functools.cache(Plan.of)
+        plan = functools.cache(Plan.of)  # cranes of equal scenarios share a plan, which may be large
         self._plans = [plan(scenario) for scenario in scenarios]
         self._loops: list[Loop] = [
             cast(Any, None)
         ] * count  # at their starts, from which compiled code goes on
         self._cranes: list[Any] = [None] * count  # of class Crane; they keep the packed arrays alive
         self._blocks: list[Any] = [(None, np.zeros(0))] * count  # Numba's type of each, and its numbers
-        widths = ControllerDesign("").record_width, COLUMN.path_width
+        widths = ControllerDesign("").record_width, COLUMN.path_width  # repeated commands log nothing
         self._records = np.zeros((ROWS, widths[0])), np.zeros((ROWS, widths[1]))
         self._commands = np.zeros((count, 3))
         self._clock, self._status = np.zeros((count, 2), dtype=np.int64), np.zeros(count, dtype=np.int64)
@@ -167,7 +167,7 @@ def advance_crane(crane, samples):
         if complete > 0:
             for i in range(7):
                 crane.load[i] = crane.record[complete - 1, COLUMN.load + i]
-    measure(crane.plant, crane.state)
+    measure(crane.plant, crane.state)  # the record has the states before its periods; this is after the last
 
 
 # `_compiled` replaces this name by a function that reads a crane from its block.
