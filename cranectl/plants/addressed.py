@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from cranectl.plants.plant import Kernels, Plant
 from cranectl.support import Array, Block, CompiledStep, Specialised, jit
 
-# What `_step` takes: block, action, state, three commands, then disturbance, wind and load. A C function takes
-# neither arrays nor tuples, so arrays pass as pointers and the commands one by one.
+# What `_step` takes: block, action, state, three commands, then disturbance, wind and load. A C function
+# takes neither arrays nor tuples, so arrays pass as pointers and the commands one by one.
 _NUMBERS: Any = types.CPointer(types.float64)
 _ARGUMENTS = (_NUMBERS, types.int64, _NUMBERS, *[types.float64] * 3, *[_NUMBERS] * 3)
 MEASURE, ADVANCE = 0, 1  # actions of `_step`

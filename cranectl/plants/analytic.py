@@ -63,6 +63,7 @@ def passive_accelerations(passive, load_mass, state, wind):
         return 0.0, 0.0
     sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
     f_x, f_y, f_z = outer_force(passive, state, wind)
+    # Torque over inertia: l dn/dalpha f over m l² cos² beta, and l dn/dbeta f over m l².
     arm = 1.0 / (load_mass * state[ROPE])
     alpha = arm * (ca * f_y + sa * f_z) / cb
     beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)
@@ -96,6 +97,7 @@ def drive_accelerations(drives, rig, state, command, disturbance, wind):
     bridge = gain[0] * command[0] - damping[0] * state[BRIDGE_RATE]
     trolley = gain[1] * command[1] - damping[1] * state[TROLLEY_RATE]
     winch = gain[2] * command[2] - damping[2] * state[ROPE_RATE] - drives.holding_force
+    # Across the rope acts m l (alpha'' dn/dalpha + beta'' dn/dbeta), which has no part along n.
     return forced_accelerations(
         drives.masses,
         state,
@@ -156,6 +158,7 @@ def observe_load(rig, state, accelerations, wind, load):
         length, state[ALPHA], state[ALPHA_RATE], state[BETA], state[BETA_RATE], u_x, u_y, u_l, rig.gravity
     )
     f_x, f_y, f_z = outer_force(rig.passive, state, wind)
+    # `force` is along n, away from the trolley: negative where the rope pulls.
     load[TENSION] = -rig.load_mass * force + (f_x * n[0] + f_y * n[1] + f_z * n[2])
 
 
@@ -216,7 +219,7 @@ class AnalyticPlant:
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
         substeps, step = self.rig.substeps, self.rig.step
         self.rig = make_rig(rig, self.drive, effects, substeps=substeps, step=step)
-        return True
+        return True  # also if effects are switched, since each loop takes a new `handle`
 
     def check_length(self, length: float) -> None:
         """Accept any rope length."""

@@ -81,4 +81,5 @@ def _passive_forces(rig: RigParameters, effects: EffectSettings) -> PassiveForce
         pivot_coulomb=friction.pivot_coulomb if friction else 0.0,
         tilt=(rig.load_mass * along_x, rig.load_mass * along_y, rig.load_mass * (along_z + rig.gravity)),
     )
+    # With the effect, `wind` may bring a force even where there is no drag.
     return forces if effects.wind or any((*forces[:3], *forces.tilt)) else None

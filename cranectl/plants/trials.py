@@ -150,7 +150,7 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array | None:
     plant.reset(state)
     command = np.full(3, 0.2 if trial.moving else 0.0)
     if DRIVES[drive].at_rest == "weight":
-        command = 10.0 * command
+        command = 10.0 * command  # 2 N, where others have 0.2 m/s or m/s²
         command[2] -= RIG.weight  # to hold the load
     load = np.zeros(7)
     disturbance, wind = np.array(trial.disturbance), np.array(trial.wind)

@@ -76,12 +76,13 @@ class DrakePlant:
         hanging = np.zeros_like(self.state)
         hanging[self.positions[2]] = length
         rest = self.rates(hanging)
+        # Each row is a column of the Jacobian; the transpose has the same eigenvalues.
         system = [(self.rates(hanging + moved) - rest) / SMALL for moved in SMALL * np.eye(len(hanging))]
         return float(np.abs(np.linalg.eigvals(np.array(system))).max())
 
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[4])
-        self.state[:] = 0.0
+        self.state[:] = 0.0  # frame, and body under its hook
         self.state[self.positions] = state[0::2]
         self.state[self.crane.num_positions() + self.velocities] = state[1::2]
 
@@ -104,16 +105,18 @@ class DrakePlant:
         self.crane.get_actuation_input_port().FixValue(self.context, forces)
         self.disturbance, self.wind = disturbance, wind
         self.equivalent = np.zeros(3)
-        self._turn_joint(0.0, 0.0)
+        self._turn_joint(0.0, 0.0)  # `rates` applies a disturbance only if there is one
 
     def observe_load(self, load: Array) -> None:
         """Write position and velocity of the load and the tension of the rope into `load` (7,)."""
+        # `rates` also puts the state into the context, from which all below is read.
         if not isfinite(self.rates(self.state).sum()):
             load[:] = np.nan
             return
         load[:3] = self.load.EvalPoseInWorld(self.context).translation()
         load[3:6] = self.load.EvalSpatialVelocityInWorld(self.context).translational()
         up = self.end.EvalPoseInWorld(self.context).rotation().matrix()[:, 2]  # along the rope
+        # The force of a disturbance on a body is across the rope, and so not in the tension.
         load[6] = up @ (self.pull(self.load, self.load_mass) - self.air_force())
         if self.hook_mass > 0.0:
             load[6] += up @ self.pull(self.end, self.hook_mass)

@@ -118,6 +118,7 @@ def _rails(rig: RigParameters, frame: Frame | None, gravity: Triple) -> dict[str
     along_x, along_y = (2.0 * pi * frequency for frequency in frame.frequency)
     damping = 2.0 * frame.damping_ratio * vibrating
     return {
+        # Along y the rails carry the bridge too. The frame's own mass has no weight along slopes.
         "rail_mass": (frame.mass, frame.mass + rig.bridge_mass),
         "rail_weight": (0.0, rig.bridge_mass * gravity[1]),
         "rail_stiffness": (vibrating * along_x**2, vibrating * along_y**2),
@@ -145,6 +146,7 @@ def hanging_states(crane: ElasticCrane, joints: Array, tension: Array) -> Array:
         states[:, STRETCH] = tension * paid_out / crane.stiffness
     if crane.has_body:
         states[:, BODY : BODY + 3] = directions(joints)
+        # Alpha turns about x, beta about the axis (0, -cos alpha, -sin alpha).
         alpha, beta_rate = joints[:, ALPHA], joints[:, BETA + 1]
         states[:, SPIN] = joints[:, ALPHA + 1]
         states[:, SPIN + 1], states[:, SPIN + 2] = -beta_rate * np.cos(alpha), -beta_rate * np.sin(alpha)

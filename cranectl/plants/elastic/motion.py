@@ -80,6 +80,7 @@ def derivative(crane, state, command, disturbance, wind, work, rate):
         ca, sa = cos(state[6]), sin(state[6])
         slip = (alpha_rate - spin[0], -beta_rate * ca - spin[1], -beta_rate * sa - spin[2])
         tau = sum_of((0.0, 0.0, 0.0), crane.swing_damping, slip)
+        # The hook feels -tau. Alpha's axis is x, that of beta is (0, -cos alpha, -sin alpha).
         torque_alpha, torque_beta = torque_alpha - tau[0], torque_beta + ca * tau[1] + sa * tau[2]
         around = cross(spin, b)
         velocity = sum_of(velocity, offset, around)
@@ -174,6 +175,7 @@ def move_axes(crane, state, command, work, rate):
         rate[2 * i], rate[2 * i + 1] = state[2 * i + 1], acceleration[i]
     if crane.has_elastic_rope:
         paid_out_rate = (push[2] + work.tension[0]) / crane.axis_mass[2]
+        # Coordinate 2 is the distance to the hook: what the winch does not pay out is stretch.
         rate[5] = locked_acceleration(crane, command, 2) if is_locked(crane, work, 2) else paid_out_rate
         rate[STRETCH], rate[STRETCH_RATE] = state[STRETCH_RATE], acceleration[2] - rate[5]
     else:
@@ -184,7 +186,7 @@ def move_axes(crane, state, command, work, rate):
                 rails = acceleration[i] - locked_acceleration(crane, command, i)
             else:
                 rails = (rail_force(crane, state, i) - push[i]) / crane.rail_mass[i]
-            rate[2 * i + 1] = acceleration[i] - rails
+            rate[2 * i + 1] = acceleration[i] - rails  # coordinates are in the world, axes on the rails
             rate[RAILS + 2 * i], rate[RAILS + 2 * i + 1] = state[RAILS + 2 * i + 1], rails
 
 
@@ -214,6 +216,7 @@ def load_pull(work, coordinate):
 @jit
 def add_axes(crane, state, command, work):
     """Add the masses on the axes and the fixed coordinates to `factor`, `acceleration` and `fixed`."""
+    # The forces stand where `solve` leaves the accelerations.
     factor, force, fixed = work.factor, work.acceleration, work.fixed
     for i in range(JOINTS):
         force[i] = work.force[i]
@@ -255,7 +258,7 @@ def solve(matrix, force, fixed):
                 matrix[max(i, j), min(i, j)] = 0.0
             matrix[i, i] = 1.0
     for j in range(JOINTS):
-        inverse = 1.0 / matrix[j, j]
+        inverse = 1.0 / matrix[j, j]  # a matrix of masses is positive definite and needs no pivoting
         for i in range(j + 1, JOINTS):
             share = matrix[i, j] * inverse
             for k in range(j + 1, i + 1):

@@ -93,7 +93,7 @@ class ElasticPlant:
         step, substeps = self.crane.step, self.crane.substeps
         self.effects = effects
         self.crane = make_crane(rig, effects, self.drive, step=step, substeps=substeps)
-        return True
+        return True  # also if effects are switched, since each loop takes a new `handle`
 
     def check_length(self, length: float) -> None:
         """Raise InputError if a rope of `length` [m] is too short for the effects or for the step."""
@@ -119,6 +119,7 @@ class ElasticPlant:
             return first_rates
 
         rest = rates(hanging)
+        # Each row is a column of the Jacobian; the transpose has the same eigenvalues.
         system = [
             (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[index]) - rest) / FINE_DIFFERENCE
             for index in changing
@@ -173,7 +174,7 @@ def taut_state(
     if DRIVES[drive].at_rest == "rates":
         command[:] = joints[BRIDGE + 1 : ROPE + 2 : 2]
     elif DRIVES[drive].at_rest == "weight":
-        command[2] = crane.load_mass * crane.gravity[2]
+        command[2] = crane.load_mass * crane.gravity[2]  # negative, as of a winch that winds in
     tension, work = 0.0, make_work()
     for _ in range(3):  # the stretch lowers the load a little, so the tension is refined
         if not crane.has_elastic_rope:
@@ -183,6 +184,7 @@ def taut_state(
             state = hanging_states(crane, joints[None], np.array([tension + extra]))[0]
             stick_or_slip(crane, state, command, STILL_AIR[:2], STILL_AIR, work)
             stretching.append(work.rates[0, STRETCH_RATE])
+        # The secant through two tensions 1 N apart gives the one without acceleration.
         free, more = stretching
         tension = max(tension + free / (free - more), 0.0)
     return hanging_states(crane, joints[None], np.array([tension]))[0], command

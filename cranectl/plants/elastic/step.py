@@ -22,7 +22,7 @@ def stick_or_slip(crane, state, command, disturbance, wind, work):
     """Decide which joints stick at `state`, and compute the rates there, both into `work`."""
     for joint in range(JOINTS):
         rate, has_friction = state[2 * joint + 1], crane.coulomb[joint] > 0.0
-        work.stuck[joint] = has_friction and rate == 0.0
+        work.stuck[joint] = has_friction and rate == 0.0  # exactly 0, as `finish_step` sets it
         work.sign[joint] = 0.0
         if has_friction and rate != 0.0:
             work.sign[joint] = 1.0 if rate > 0.0 else -1.0
@@ -75,7 +75,7 @@ def integrate(crane, state, length, command, disturbance, wind, work):
     if crane.has_body:
         x, y, z = end[BODY], end[BODY + 1], end[BODY + 2]
         scale = 1.0 / sqrt(x * x + y * y + z * z)
-        end[BODY], end[BODY + 1], end[BODY + 2] = scale * x, scale * y, scale * z
+        end[BODY], end[BODY + 1], end[BODY + 2] = scale * x, scale * y, scale * z  # b stays a unit vector
 
 
 @jit
@@ -91,6 +91,7 @@ def evaluate_end(crane, command, disturbance, wind, work):
     """Compute the holding forces of the stuck joints at `work.end`."""
     for joint in range(JOINTS):
         if work.stuck[joint]:
+            # Into a row of its own, since all trials of a step begin with rates[0].
             derivative(crane, work.end, command, disturbance, wind, work, work.rates[STAGES])
             reaction_forces(crane, work)
             return
@@ -117,9 +118,9 @@ def finish_step(crane, state, command, disturbance, wind, work):
             start[joint] = margin(crane, state, work, joint)
         length, changed = left, -1
         integrate(crane, state, length, command, disturbance, wind, work)
-        if crane.has_friction and part < MAX_STEP_PARTS - 1:
+        if crane.has_friction and part < MAX_STEP_PARTS - 1:  # the last part ends the step in any case
             evaluate_end(crane, command, disturbance, wind, work)
-            for _ in range(JOINTS):
+            for _ in range(JOINTS):  # another joint may change before the one that was found
                 joint = find_changed_joint(crane, work, changed)
                 if joint < 0:
                     break
@@ -128,7 +129,7 @@ def finish_step(crane, state, command, disturbance, wind, work):
         for index in crane.changing:
             state[index] = work.end[index]
         for joint in range(JOINTS):
-            if work.sign[joint] * state[2 * joint + 1] < 0.0:
+            if work.sign[joint] * state[2 * joint + 1] < 0.0:  # just after the instant at which it stopped
                 state[2 * joint + 1] = 0.0
         left -= length
         if left <= 0.0:
@@ -142,7 +143,7 @@ def find_event(crane, state, length, joint, command, disturbance, wind, work):
     The state just after that time is left in `work.end`.
     """
     low, high, above, below = 0.0, length, work.margins[joint], margin(crane, work.end, work, joint)
-    if above <= 0.0:
+    if above <= 0.0:  # there is no change of sign to search for
         return length
     tolerance, left, right = EVENT_TOLERANCE * (above - below), above, below  # last two: ends of the secant
     for _ in range(MAX_EVENT_SEARCHES):
@@ -156,6 +157,7 @@ def find_event(crane, state, length, joint, command, disturbance, wind, work):
             high, below, right, left = middle, margin_found, margin_found, 0.5 * left
         else:
             low, left, right = middle, margin_found, 0.5 * right
+    # The last trial may have ended at `low`, before the event.
     integrate(crane, state, high, command, disturbance, wind, work)
     evaluate_end(crane, command, disturbance, wind, work)
     return high

@@ -105,6 +105,7 @@ def hang_body(spec: mujoco.MjSpec, _body: Body, _of: Setting) -> None:
     for name, kind, size, fromto, material in geoms:
         load.add_geom(name=name, type=kind, size=size, fromto=fromto, material=material)
     load.add_site(name="load")
+    # The file's tendon ends at a site called `load`, which is now below the hook.
     filed = spec.tendon("rope")
     width, material = filed.width, filed.material
     spec.delete(filed)
@@ -144,7 +145,7 @@ def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:
     pull = spec.add_actuator(name=ELASTICITY, target=ELASTICITY, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     pull.gear[0] = -1.0  # a positive force pulls
     pull.gaintype, pull.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-    pull.gainprm[0] = 0.0
+    pull.gainprm[0] = 0.0  # no command acts: the force is the bias
     pull.forcelimited = True
     pull.forcerange = (0.0, MAX_FORCE)
     spec.delete(spec.sensor("rope_force"))

@@ -94,6 +94,7 @@ class Equilibrium:
         matrix = jacobian(crane, at, np.full(n + 3, step))
         moving = np.abs(matrix[:, :n] * (1.0 - np.eye(n))) >= ZERO_TOLERANCE  # [state, by another]
         retained = np.arange(n)
+        # Once a coordinate is left out, another one may affect nothing that remains.
         while not (
             needed := (retained < JOINT_SIGNALS) | moving[np.ix_(retained, retained)].any(axis=0)
         ).all():
@@ -128,7 +129,7 @@ def find_equilibrium(plant: "MujocoPlant", start: Array, *, tilt: Array, air: Ar
         steps = np.full(len(unknown), _difference_step(plant, split(unknown)[0]))
         unknown -= np.linalg.lstsq(jacobian(residual, unknown, steps), force, rcond=SINGULAR)[0]
     base, command = split(unknown)
-    if not np.abs(force).max() < tolerance:
+    if not np.abs(force).max() < tolerance:  # also if it is NaN
         return None
     base = base._replace(load_velocity=_load_velocity(plant))
     return Equilibrium(plant, base, command, tilt, air)

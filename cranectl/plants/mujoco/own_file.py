@@ -40,6 +40,7 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
             objtype = mujoco.mjtObj.mjOBJ_ACTUATOR if of == "winch_drive" else mujoco.mjtObj.mjOBJ_SITE
             spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        # As in the shipped model: the engine must not go on from its initial state after a warning.
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         check_finite(file, spec.compile())
     except (OSError, ValueError, ElementTree.ParseError) as error:

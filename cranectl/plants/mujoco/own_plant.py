@@ -51,7 +51,7 @@ class OwnPlant(MujocoPlant):
             integrates=own.servo == "position",
             load_sensors=own.sensors,
             load_mass=own.load_mass,
-            has_body=True,
+            has_body=True,  # disturbances are forces at the site, since hinges may be anywhere
             sites=SiteViews(
                 True,
                 pivot=sites[own.sites[0]],
@@ -76,7 +76,7 @@ class OwnPlant(MujocoPlant):
         return str(spec.to_xml())
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
-        return (rig, effects) == self._given
+        return (rig, effects) == self._given  # no number of the file can be changed
 
     def _write_state(self, data: mujoco.MjData, state: Array) -> None:
         """Place the model so that its sites show `state` (10,), held by its drives."""

@@ -43,6 +43,7 @@ def check_files(file: Path) -> list[Path]:
         root = ElementTree.parse(path).getroot()
         for element in root.iter():
             starts += [folder / value for key, value in element.items() if key in FOLDERS]
+            # Textures also have `fileup`, `fileleft` and others, one for each face of a cube.
             names = [value for key, value in element.items() if key.startswith("file") and value]
             named |= dict.fromkeys(names)
             parts = [folder / name for name in names if element.tag in ("include", "model")]

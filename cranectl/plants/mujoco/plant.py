@@ -104,7 +104,7 @@ def advance(rig, command, disturbance, wind, load):
     set_command(rig, command)
     changing = rig.in_air or rig.rope.active or disturbance[0] != 0.0 or disturbance[1] != 0.0
     for k in range(rig.substeps):
-        move_set_points(rig, command)
+        move_set_points(rig, command)  # to the middle of the step, during which they are held
         if changing:
             step_in_stages(rig, disturbance, wind)
         else:
@@ -211,7 +211,7 @@ class MujocoPlant:
         return True
 
     def reset(self, state: Array) -> None:
-        if self.effects.rope:
+        if self.effects.rope:  # the poles that are checked below depend on its damping
             hanging = self.parameters.hanging_mass(self.effects)
             set_damping(self.rig.rope, self.effects.rope, hanging, state[4])
         self.check_length(state[4])

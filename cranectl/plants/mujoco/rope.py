@@ -75,6 +75,7 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
     tension = 0.0
     for _ in range(MAX_TENSION_ROUNDS if model.dof_frictionloss.any() else 1):
         stretching = []
+        # The rope is not stretched yet: opposite forces at its ends stand for its tension.
         for tried in (tension, tension + 1.0):
             data.qfrc_applied[rate], data.qfrc_applied[views.winch_rate] = -tried, tried
             mujoco.mj_forward(model, data)
@@ -82,7 +83,7 @@ def start_taut(model: mujoco.MjModel, data: mujoco.MjData, views: ElasticRope) -
         free, with_unit = stretching
         tension = max(tension + free / (free - with_unit), 0.0)
     data.qfrc_applied[[rate, views.winch_rate]] = 0.0
-    data.qpos[address] -= tension / views.bias[1]
+    data.qpos[address] -= tension / views.bias[1]  # bias[1] is minus the stiffness
 
 
 @jit
