@@ -48,6 +48,7 @@ def rope_acceleration(pole, measured, desired, planned):
 @jit
 def winch_servo(masses, pole, measured, reference, command):
     """Command the winch's force for two poles of the rope at -`pole` [1/s], under any other forces."""
+    # The rope of a plumb load is -z long.
     u_l = -pole * (pole * (measured[ROPE] + reference[Z]) + 2.0 * measured[ROPE_RATE])
     command[Z] = winch_force(masses, measured, command[0], command[1], u_l)
 

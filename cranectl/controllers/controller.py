@@ -256,7 +256,7 @@ class Controller:
 
     def __post_init__(self) -> None:
         """Raise InputError for a declaration of the wrong kind or out of its range."""
-        if self.axis_design is None:
+        if self.axis_design is None:  # names of the flat family may have a +
             InputError.check_name("controller", self.name)
         self._check("step", callable(self.step), "a function", remedy="write step(parameters, measured, ...)")
         self._check("prepare", callable(self.prepare), "a function", remedy="write prepare(nominal)")

@@ -182,7 +182,7 @@ def begin(reference, memory):
 @jit
 def keep_taut(tracker, memory):
     """Limit the dynamic extension, so that it commands at least MIN_TENSION of the load's weight."""
-    least = (MIN_TENSION - 1.0) * tracker.gravity
+    least = (MIN_TENSION - 1.0) * tracker.gravity  # tension over weight is (zeta + g) / g near plumb
     if memory[MEMORY.zeta] < least:
         memory[MEMORY.zeta], memory[MEMORY.zeta_dot] = least, max(memory[MEMORY.zeta_dot], 0.0)
 
@@ -204,6 +204,7 @@ def wait_step(tracker, state, reference, memory, row):
 
 def step(parameters, measured, reference, memory, command):
     """Compute the accelerations of one sample from state and path; see `controller` for the arguments."""
+    # A pointer has no length: that of parameters and memory follows from the blocks.
     blocks = int(carray(parameters, (PARAMETERS.matrices,))[PARAMETERS.blocks])
     inputs_array = carray(parameters, (PARAMETERS.matrices + BLOCK_SIZE * blocks,))
     inputs, outputs = PARAMETERS.matrices + 4 * blocks, PARAMETERS.matrices + 6 * blocks
@@ -221,7 +222,7 @@ def step(parameters, measured, reference, memory, command):
     state_memory, row, commands = whole[:states], whole[states:], carray(command, (3,))
     state, desired = carray(measured, (10,)), carray(reference, (15,))
     begin(desired, state_memory)
-    if state_memory[MEMORY.slack] != SLACK_ENDS_RUN:
+    if state_memory[MEMORY.slack] != SLACK_ENDS_RUN:  # if the run goes on after a slack rope
         keep_taut(tracker, state_memory)
     if state_memory[MEMORY.slack] == ROPE_SLACK:
         wait_step(tracker, state, desired, state_memory, row)
@@ -248,6 +249,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
         blocks=blocks,
         matrices=np.concatenate(matrices),
     )
+    # Two states of each axis and block, then a row of the record, which repeats them.
     return parameters, MEMORY.array(robustifier=np.zeros(6 * blocks + COLUMN.width + 6 * blocks))
 
 

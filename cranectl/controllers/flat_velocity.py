@@ -59,7 +59,7 @@ def step(parameters, measured, reference, memory, command):
     """Compute the velocity set-points of one sample from state and path; see `controller`."""
     numbers, buffer = carray(parameters, (PARAMETERS.size,)), carray(memory, (MEMORY.size,))
     begin(reference, buffer)
-    none = carray(parameters, (0,))
+    none = carray(parameters, (0,))  # the matrices of a tracker without robustifier
     gain, period = numbers[: PARAMETERS.period], numbers[PARAMETERS.period]
     tracker = Tracker(gain, none, none, none, 0.0, period, numbers[PARAMETERS.gravity])
     return set_points(

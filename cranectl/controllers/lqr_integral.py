@@ -67,7 +67,7 @@ def step(parameters, measured, reference, memory, command):
     gravity, period = parameters[PARAMETERS.gravity], parameters[PARAMETERS.period]
     if not state_on_path(reference, gravity, desired, inputs):
         return RunStatus.SLACK_ROPE
-    flat_output(measured, 0.0, 0.0, gravity, load)
+    flat_output(measured, 0.0, 0.0, gravity, load)  # only the position is read, which needs no zeta
     row, share = place_on_grid(parameters, measured[ROPE])
     x = feedback(parameters, measured, desired, integral[X], BRIDGE, BETA, row, share)
     y = feedback(parameters, measured, desired, integral[Y], TROLLEY, ALPHA, row, share)
@@ -76,7 +76,7 @@ def step(parameters, measured, reference, memory, command):
         inputs[Z]
         - parameters[PARAMETERS.rope_gain] * (measured[ROPE] - desired[ROPE])
         - parameters[PARAMETERS.rope_gain + 1] * (measured[ROPE_RATE] - desired[ROPE_RATE])
-        + parameters[PARAMETERS.rope_gain + 2] * integral[Z]
+        + parameters[PARAMETERS.rope_gain + 2] * integral[Z]  # a load too high means a rope too short
     )
     for axis in range(3):
         integral[axis] += period * (load[axis] - reference[axis])

@@ -91,6 +91,7 @@ def feedback(parameters, state, limit):
     """Return the scaled K x of an axis for `state` (4,) and `limit`, an acceleration over g."""
     level, share = LEVELS - 2, 1.0
     high = reached(parameters, LEVELS - 1, state)
+    # From the fullest level down to the two between which the limit is reached.
     while high > limit:
         low = reached(parameters, level, state)
         share = 0.0 if low >= high else min(max((limit - low) / (high - low), 0.0), 1.0)
@@ -115,7 +116,7 @@ def step(parameters, measured, reference, memory, command):
     lift = reference[ACCELERATION + Z] + gravity
     if lift <= 0.0 or reference[Z] >= 0.0 or length <= 0.0:
         return RunStatus.SLACK_ROPE
-    flat_output(measured, 0.0, 0.0, gravity, load)
+    flat_output(measured, 0.0, 0.0, gravity, load)  # position and velocity need no zeta
     slope_x, slope_y, _, _ = slopes_from_angles(
         measured[ALPHA], measured[ALPHA_RATE], measured[BETA], measured[BETA_RATE]
     )
@@ -206,6 +207,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
     """Return parameters and memory; raise InputError if the sampled loop would be unstable."""
     table, gravity = levels(nominal), nominal.rig.gravity
     observer_pole, rope_pole = frequencies(nominal)
+    # In units of 1/p, in which it is longest on the shortest rope.
     period = nominal.period * sqrt(gravity / nominal.rig.rope_range[0])
     phi, hold = zero_order_hold(A, B, period)
     remedy = "lower error_weight and rate_weight in [controller.lqr-offset-free]"
@@ -231,6 +233,7 @@ def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     a = np.zeros((CRANE_STATES + 3, CRANE_STATES + 3))
     a[0, 1] = a[2, 3] = a[4, 5] = a[5, 6] = 1.0
     a[3, 2], a[5, 2] = -gravity / rope_length, -gravity
+    # Corrections come once a period, here spread evenly over it.
     for i, correction in enumerate(observer[:3]):
         a[CRANE_STATES + i, [0, 2, 4]] += np.array([1.0, rope_length, -1.0]) * correction / period
     b = np.zeros((len(a), 1))
@@ -238,6 +241,7 @@ def linearise(nominal: Nominal, rope_length: float) -> LinearController:
     to_drive, to_rate, to_load, to_load_rate = levels(nominal)[-1, :STATES]
     scale = sqrt(gravity / rope_length)
     position, rate = scale**2 * to_drive, scale * to_rate
+    # d moves the drive's desired place by -l d / g: the last is k₁ g / l times l / g.
     gain = [position, rate, 0.0, 0.0, scale**2 * to_load, scale * to_load_rate, to_drive]
     return LinearController(rope_length, a, b, np.array(gain))
 

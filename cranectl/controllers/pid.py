@@ -64,6 +64,7 @@ def step(parameters, measured, reference, memory, command):
         sign = -1.0 if axis == 2 else 1.0  # a lower load means a longer rope
         position, velocity = 0.0, 0.0
         for k in range(int(parameters[PARAMETERS.impulses])):
+            # Before the run the path rests at its first row, which the ring keeps as long as it is read.
             past = MEMORY.ring + KEPT * (max(clock - int(parameters[PARAMETERS.delay + k]), 0) % rows) + axis
             position += sign * parameters[PARAMETERS.amplitude + k] * memory[past]
             velocity += sign * parameters[PARAMETERS.amplitude + k] * memory[past + 3]
@@ -100,6 +101,7 @@ def prepare(nominal: Nominal) -> tuple[Array, Array]:
         delay=np.pad(delays, unused),
         **{name: numbers[name] for name in ("proportional", "integral", "derivative")},
     )
+    # With the first error in the memory, the derivative does not jump at the first sample.
     error = nominal.reference[0, :3] * (1.0, 1.0, -1.0) - nominal.state[:5:2]
     return parameters, MEMORY.array(error=error, ring=np.zeros(KEPT * rows))
 

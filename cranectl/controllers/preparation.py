@@ -94,7 +94,7 @@ def _run_own_code(
             return function(*arguments)
     except (InputError, KeyboardInterrupt):
         raise
-    except BaseException as error:
+    except BaseException as error:  # also SystemExit, which `contained` makes of `os._exit`
         raise InputError(
             f"{name} of {controller.name} failed{_where(error)}: {InputError.describe(error)}",
             allowed=f"{allowed}, or raises cranectl.InputError with what the controller cannot do",
@@ -106,7 +106,7 @@ def _where(error: BaseException) -> str:
     """Return the last line in the traceback that is in no installed library, as ' in FILE:LINE'."""
     frames = [
         frame
-        for frame in traceback.extract_tb(error.__traceback__)[1:]
+        for frame in traceback.extract_tb(error.__traceback__)[1:]  # the first is `_run_own_code`
         if "site-packages" not in frame.filename
     ]
     return f" in {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno}" if frames else ""

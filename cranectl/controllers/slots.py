@@ -37,7 +37,7 @@ class Slots(tuple[int, ...]):
         for place, (name, size) in enumerate(sizes.items(), 1):
             if name in RESERVED or name.startswith("_"):
                 raise ValueError(f"a slot named '{name}', which must be none of {', '.join(RESERVED)}, _...")
-            if not isinstance(size, int) or size < (place < len(sizes)):
+            if not isinstance(size, int) or size < (place < len(sizes)):  # only the last may have 0
                 raise ValueError(f"the slot '{name}' has {size} numbers, it must have 1 or more")
         kind = type("Slots", (cls,), {"_fields": (*sizes, "size")})
         return tuple.__new__(kind, accumulate(sizes.values(), initial=0))
@@ -60,7 +60,7 @@ class Slots(tuple[int, ...]):
         if unknown := set(values) - set(self._fields[:-1]):
             raise ValueError(f"no slot '{min(unknown)}', there are {', '.join(self._fields[:-1])}")
         parts = []
-        for name, start, end in zip(self._fields, self, self[1:], strict=False):
+        for name, start, end in zip(self._fields, self, self[1:], strict=False):  # without the field `size`
             numbers = np.asarray(values.get(name, np.zeros(end - start)), dtype=float).ravel()
             if len(numbers) != end - start and end != start:
                 raise ValueError(f"{len(numbers)} numbers for the slot '{name}', which has {end - start}")

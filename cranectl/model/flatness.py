@@ -175,5 +175,5 @@ def states_and_inputs(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Apply `state_and_input` to many samples: rows (N, 15) → states (N, 10), inputs (N, 3)."""
     states, inputs = np.empty((len(rows), 10)), np.empty((len(rows), 3))
-    _states_and_inputs(np.ascontiguousarray(rows), gravity, states, inputs)
+    _states_and_inputs(np.ascontiguousarray(rows), gravity, states, inputs)  # else it would be compiled again
     return states, inputs
