@@ -67,7 +67,7 @@ class Arguments:
             try:
                 bound = signature.bind(*args, **kwargs)
             except TypeError:
-                return function(*args, **kwargs)
+                return function(*args, **kwargs)  # which raises Python's own error
             for name, value in bound.arguments.items():
                 if signature.parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
                     bound.arguments[name] = {

@@ -158,7 +158,7 @@ class Child:
         """Kill the process and all processes that it has started."""
         if self.connection.closed:
             return
-        with contextlib.suppress(ProcessLookupError, PermissionError, AttributeError):
+        with contextlib.suppress(ProcessLookupError, PermissionError, AttributeError):  # the last on Windows
             os.killpg(self.pid, signal.SIGKILL)
         if self._process is not None:
             self._process.kill()  # it may not lead its group yet
@@ -214,7 +214,7 @@ def _serve_forked(work: Callable[[Parent], None], connection: Connection) -> Non
     number = os.getppid()
 
     def wait_for_end() -> None:
-        while os.getppid() == number:
+        while os.getppid() == number:  # once its parent has ended, it gets another one
             threading.Event().wait(1.0)
 
     _follow_parent(wait_for_end)
@@ -232,7 +232,7 @@ def _serve_forked(work: Callable[[Parent], None], connection: Connection) -> Non
         os.write(2, f"cranectl: {printable(InputError.describe(error), longest=MAX_PHRASE)}\n".encode())
         Parent.report_machine_failure(error)
     finally:
-        os._exit(code)
+        os._exit(code)  # without the exit handlers and buffers that it has from its parent
 
 
 def _in_words(code: int) -> str:
@@ -276,7 +276,7 @@ class Program(NamedTuple):
                 try:
                     return process.communicate(unsent, timeout=seconds)
                 except subprocess.TimeoutExpired:
-                    unsent = None
+                    unsent = None  # `communicate` can be called again, but takes its input only once
                     return None
 
             said = Timeout(process.pid, timeout).wait_for(talk)

@@ -87,7 +87,7 @@ class CompiledStep(CFunc):
     UNCOMPILED = UNCOMPILED  # whether Numba's compiler is switched off
     FAILED = -1  # status of a step that raised an exception
     C_TYPE = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.POINTER(ctypes.c_double)] * 5)
-    _targetdescr = _StepTarget(lambda *arguments: _report(*arguments))
+    _targetdescr = _StepTarget(lambda *arguments: _report(*arguments))  # it is defined below
 
     def __init__(
         self, step: Callable[..., int], arguments: tuple[Any, ...] = STEP_ARGUMENTS, **options: Any
@@ -140,6 +140,7 @@ class CompiledStep(CFunc):
     def why_not(step: Callable[..., int], error: Exception) -> tuple[str, str]:
         """Return Numba's reason for not compiling `step`, on one line, and the file and line it names."""
         lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+        # The reason comes after this line.
         first = 1 if lines[0].startswith("Failed in nopython mode") and len(lines) > 1 else 0
         said = lines[first]
         if said.endswith(":") and len(lines) > first + 1:  # the next line holds the detail

@@ -40,7 +40,7 @@ class LinkedLibrary(JITCodeLibrary):
         environments = [
             global_variable
             for global_variable in linked.global_variables
-            if global_variable.name.startswith("_ZN08NumbaEnv")
+            if global_variable.name.startswith("_ZN08NumbaEnv")  # as Numba mangles their names
         ]
         empty = str(self._codegen._create_empty_module(self.name))
         self._final_module = llvm.parse_assembly("\n".join([empty, *map(str, environments)]))

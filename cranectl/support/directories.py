@@ -45,7 +45,7 @@ def cache_directory() -> Path:
         file=sys.stderr,
     )
     os.environ["NUMBA_CACHE_DIR"] = str(temporary_directory("kernels"))
-    (directory,) = _candidates()
+    (directory,) = _candidates()  # if the variable is set, there is no other
     _obstacle(directory)  # makes the directory
     return directory
 
@@ -105,7 +105,7 @@ def _users_directory() -> Path | None:
         return None
     path = Path(tempfile.gettempdir(), f"cranectl-{os.geteuid()}")
     path.mkdir(mode=stat.S_IRWXU, exist_ok=True)
-    status = path.lstat()
+    status = path.lstat()  # not `stat`: another user may have put a link there
     is_private = stat.S_ISDIR(status.st_mode) and not status.st_mode & _OTHERS
     return path if is_private and is_own(status) else None
 

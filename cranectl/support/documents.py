@@ -86,6 +86,7 @@ class _Toml(DocumentFormat[Table]):
             table = {}
         except ValueError as error:
             raise self._invalid(source, error) from None
+        # A text with a line such as `x = 2` in it would give a second key.
         return table["value"] if len(table) == 1 else DocumentFormat("text", str).parse(text, source)
 
     def text(self, table: Mapping[str, Any], above: str = "") -> str:

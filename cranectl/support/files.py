@@ -91,7 +91,7 @@ class File:
         """Raise OSError or ValueError now if `replacing` would fail; make missing directories."""
         _refuse_devices(self.path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        _part(self.path).unlink()
+        _part(self.path).unlink()  # to make a file there is the only sure test
 
     def is_being_written(self) -> bool:
         """Return True if a `replacing` is active; files of killed processes do not count."""

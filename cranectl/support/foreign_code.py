@@ -66,7 +66,7 @@ class ForeignCode:
             with ForeignCode.environment_kept(), contextlib.ExitStack() as stack:
                 stack.enter_context(reported_when_slow(doing))
                 with contextlib.suppress(OSError):  # the working directory was removed
-                    stack.enter_context(contextlib.chdir("."))
+                    stack.enter_context(contextlib.chdir("."))  # which returns to the present one at the end
                 yield
         finally:
             with _lock:

@@ -39,7 +39,7 @@ def reported_when_slow(what: str) -> Iterator[None]:
         if not ended.acquire(timeout=SLOW):
             os.write(2, warning.encode())
 
-    with ended:
+    with ended:  # held until the block ends, for which `report` waits
         in_background(report)
         yield
 

@@ -62,7 +62,7 @@ class _Files(CompileResultCacheImpl):
         self._lineno = function.__code__.co_firstlineno
         self._locator = _Locator(function, source)
         name = f"{Path(source).stem}.{function.__qualname__}"
-        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
+        self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))  # none on Windows
 
 
 class KernelCache(FunctionCache):

@@ -93,6 +93,7 @@ class Block:
     def __init__(self, value: Any) -> None:
         """Pack `value`, which the user must keep."""
         self.numbers = _packed(value)
+        # For nested tuples `typeof` takes a hundred times longer than the key, which dispatchers use too.
         key = compute_fingerprint(value)
         if key not in _TYPES:
             _TYPES[key] = numba.typeof(value)

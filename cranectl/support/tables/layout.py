@@ -57,6 +57,7 @@ class Header(NamedTuple):
             kinds[:named_row] = [()] * min(named_row, len(kinds))
         have_numbers = ["number" in row or "stamp" in row for row in kinds]
         columns = _usual_length(
+            # A row without numbers ends a block, but its length must not be that of the table.
             [len(row) if has else -len(row) for row, has in zip(kinds, have_numbers, strict=True)]
         )
         if not columns:

@@ -52,7 +52,8 @@ def seconds_of_stamps(column: Any) -> Array | None:
     half = pc.utf8_lower(text("half"))
     has_half = np.asarray(pc.not_equal(half, ""))
     is_afternoon = np.asarray(pc.starts_with(half, "p"))
-    hours = np.where(has_half, hours % 12.0, hours) + 12.0 * is_afternoon
+    hours = np.where(has_half, hours % 12.0, hours) + 12.0 * is_afternoon  # 12 am is 0, 12 pm is 12
+    # The sign is in the hours, also in those of -00:30, which are -0.0.
     zone_minutes = np.copysign(number("zone_minute"), number("zone")) + 60.0 * number("zone")
     of_day = 3600.0 * hours + 60.0 * (number("minute") - zone_minutes) + number("second_of_minute")
     if (np.asarray(pc.equal(text("mark"), ""))).any():
