@@ -135,6 +135,7 @@ class EventsOfParts:
 
     def of(self, run: Run, origin_ns: int, *, is_whole: bool = False) -> list[Event]:
         """Return the events of the next part, or of a whole run; its scenario started at `origin_ns`."""
+        # One less, so that events at the very start are after it.
         found, before = [], origin_ns - 1 if self.newest_ns is None else self.newest_ns
         if is_whole or (self.newest_ns is None and len(run.time_ns)):
             start = f"{run.scenario.name} with {run.design.name}, {run.drive} drives"

@@ -160,6 +160,7 @@ class LiveMessages:
         shown.status = np.vstack([shown.status, statuses])[-1:]
         shown.disturbance = np.vstack([shown.disturbance, disturbance])[-1:]
         if run.status.stopped and not shown.events.is_stopped:
+            # The row is -1 if the run stopped before a status was sent.
             changes.append(self._status(run.end_ns, run.status, np.maximum(shown.status[0], 0)))
         streams = [status(run.plant, changes)] if changes else []
         if edges:

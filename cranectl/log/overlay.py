@@ -158,6 +158,7 @@ def labels_of(runs: Sequence[Run], stems: Sequence[str]) -> list[str]:
         labels = [_fitting(label) for label in choice]
         if len({*labels} - {*PLANTS, ""}) == len(runs):
             return labels
+    # Three characters are left for the hyphen and a number.
     return [f"{_fitting(run.design.name)[: MAX_LABEL - 3]}-{k}" for k, run in enumerate(runs, 1)]
 
 

@@ -103,6 +103,7 @@ def read_signal(path: str | Path, name: str) -> tuple[Array, Array]:
         column = columns[_channels_of(file, (topic,))[topic].id]
         block = _decoded(topic, column, len(known[topic]))
         _check_block(header, topic, known[topic], block)
+        # A copy, since a view would keep all other signals in memory.
         return block.time_ns / NANOSECONDS, block.values[:, known[topic].index(field)].copy()
 
 

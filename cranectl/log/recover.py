@@ -153,6 +153,7 @@ def _streams(header: LogHeader, file: McapFile, runs: Mapping[str, Run]) -> list
     versions = None if header.versions == Provenance.now() else header.versions  # None keeps the usual order
     result, channels = [], {channel.topic: number for number, channel in file.channels.items()}
     for stream in streams(list(runs.values()), versions=versions):
+        # What a whole run has at time 0, a segment of a live session has at its start.
         times = np.maximum(stream.time_ns, header.begin_ns)
         rows = list(zip(times.tolist(), stream.messages, strict=True))
         if stream.topic in channels and (last_ns := until.get(stream.topic)) is not None:

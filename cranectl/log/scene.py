@@ -251,6 +251,7 @@ def workspace(run: Run) -> Stream:
     """Return the edges of the space in which the load can hang, and the obstacles."""
     x, y, rope = run.scenario.rig.workspace
     corners = np.array([(a, b, -c) for c in rope for b in y for a in x])
+    # An edge joins two corners that differ along one axis: in one bit of their numbers.
     edges = [(i, j) for i in range(8) for j in range(i) if (i ^ j).bit_count() == 1]
     points, shade = (
         _points(corners[k].tolist() for edge in edges for k in edge),
