@@ -129,7 +129,7 @@ class McapFile:
         widths: dict[int, int] = {}
         parts: dict[int, list[Column]] = defaultdict(list)
         for content in self._salvaged or self.chunks():
-            for number, channel in self.channels.items():
+            for number, channel in self.channels.items():  # each chunk may define more
                 if number not in widths:
                     schema = self.schemas[channel.schema_id]
                     widths[number] = row_width(channel, schema) if is_selected(channel.topic) else 0
@@ -140,6 +140,7 @@ class McapFile:
                     raise DamageError(f"a message of {channel.topic} does not have the length of its type")
                 parts[number].append(column)
         joined = {}
+        # Each entry is removed when it is joined, so that parts and whole are not held together.
         for number in list(parts):
             times, messages = zip(*parts.pop(number), strict=True)
             joined[number] = Column(np.concatenate(times), np.concatenate(messages))
@@ -214,7 +215,7 @@ class McapFile:
             self._add_named(self.metadata, metadata.name, metadata.metadata)
         elif record.opcode == Opcode.ATTACHMENT:
             attachment: Attachment = parse(Attachment.read, record)
-            expected = int.from_bytes(record.body[-4:], "little")
+            expected = int.from_bytes(record.body[-4:], "little")  # the checksum is the last field
             check_crc(zlib.crc32(record.body[:-4]), expected, record_name(record.opcode, record.start))
             self._add_named(self.attachments, attachment.name, attachment)
         elif record.opcode not in (Opcode.HEADER, Opcode.MESSAGE_INDEX) and record.opcode < PRIVATE:
@@ -248,7 +249,7 @@ class McapFile:
     def _define(self, record: Record) -> None:
         key = record.opcode, int.from_bytes(record.body[:2], "little")
         known = self._definitions.setdefault(key, record.body)
-        if known is not record.body:
+        if known is not record.body:  # else `setdefault` has just put it there
             if known != record.body:
                 raise DamageError("a chunk contradicts a definition of an earlier one")
         elif record.opcode == Opcode.SCHEMA:
@@ -290,6 +291,7 @@ class McapFile:
                 "write the file in fewer chunks",
             )
         if footer.summary_crc:
+            # It covers the footer too, up to the checksum itself.
             check_crc(section_crc(stream, start, size - len(MAGIC) - 4), footer.summary_crc, "the summary")
         end = parse(DataEnd.read, read_record(stream, data_end, start, Opcode.DATA_END))
         if end.data_section_crc:

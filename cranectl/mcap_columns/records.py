@@ -203,6 +203,7 @@ def _zstd(data: bytes, size: int) -> bytes:
         raise DamageError(f"a chunk unpacks to more than {size} bytes")
     if not hasattr(_of_thread, "zstd"):
         _of_thread.zstd = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
+    # With 0 as limit, a frame that does not state its size would be refused.
     inflated: bytes = _of_thread.zstd.decompress(data, max_output_size=max(size, 1))
     return inflated
 

@@ -57,6 +57,7 @@ def _encoded(values: NDArray[np.float64]) -> list[bytes]:
     for number in range(1, values.shape[1] + 1):
         rows[f"tag{number}"] = np.frombuffer(tag(number), dtype="u1")
         rows[f"value{number}"] = values[:, number - 1]
+    # An element of a void type becomes bytes in a list.
     messages: list[bytes] = rows.view(f"V{layout.itemsize}").tolist()
     return messages
 
