@@ -96,6 +96,7 @@ class DrivenPath:
         commands = self.limits.commands_at(self.changes, np.arange(samples + 1))
         state = self.limits.rest_state(self.start)
         states = self.limits.drive(self.period, state, commands)
+        # The lags still have some 1e-13 of the last command, but a reference must rest exactly.
         states[-1] = self.limits.rest_state(self.limits.stopping_points(states[-1:])[0])
         return states
 

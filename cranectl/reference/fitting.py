@@ -54,7 +54,7 @@ def interpolate_path(parameter: Array, points: Array) -> tuple[BSpline, float]:
         curve = make_interp_spline(sites, lower(sites), k=DEGREE, t=knots)
     else:
         curve, error = _interpolate(parameter, points, DEGREE, range(NATURAL_ORDER, DEGREE))
-    curve.c[0], curve.c[-1] = points[0], points[-1]
+    curve.c[0], curve.c[-1] = points[0], points[-1]  # exactly, where neighbours join
     return curve, error
 
 
@@ -112,7 +112,7 @@ class RecordedSamples:
         coefficients = np.empty_like(sides)
         for k in range(FOLDS):
             remaining = gram - grams[k]
-            remaining[DEGREE] += RIDGE * gram[DEGREE].max()
+            remaining[DEGREE] += RIDGE * gram[DEGREE].max()  # row DEGREE of the bands is the diagonal
             coefficients[k] = _solve(cholesky_banded(remaining), side - sides[k])
         squares = ((design.evaluate(self._fold, coefficients) - self.points) ** 2).sum(axis=1)
         return np.array([squares[self._fold == k].mean() for k in range(FOLDS)])
@@ -129,6 +129,7 @@ class RecordedSamples:
                 break
         best = min((error for _, error in tried), key=np.mean)
         for spans, error in tried:
+            # As good as the best: the mean difference is within its own standard error.
             excess = error - best
             if excess.mean() <= excess.std(ddof=1) / np.sqrt(FOLDS):
                 return spans

@@ -237,6 +237,7 @@ class Chain(Geometry):
         edges = np.concatenate(
             [[0.0], np.cumsum([segment.length for segment in self.segments]) / self.length]
         )
+        # Without bounds at both ends, where rounding may leave s outside of 0 to 1.
         low, high = [-np.inf, *edges[1:-1].tolist()], [*edges[1:-1].tolist(), np.inf]
         parts: list[tuple[Any, list[Series]]] = []
         for k, (begin, end) in enumerate(itertools.pairwise(edges.tolist())):

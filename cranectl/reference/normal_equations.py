@@ -49,6 +49,7 @@ class DesignMatrix(NamedTuple):
 
     def gram_bands(self, group: Integers, groups: int) -> Array:
         """Return A'A of each group's rows, as upper bands in SciPy's form (groups, ORDER, columns)."""
+        # Rows near the end reach beyond the last column, with zeros.
         bands = _sum_products(self.first, self.values, group, np.zeros((groups, ORDER, self.columns + ORDER)))
         return bands[:, :, : self.columns]
 

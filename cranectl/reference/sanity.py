@@ -77,6 +77,7 @@ def check_samples(time: Array, points: Array, tolerance: float, where: str) -> N
         :, np.newaxis
     ]
     distance = np.linalg.norm(points[1:-1] - between, axis=1)
+    # An acceleration a moves a point by a · before · after / 2 from that line.
     limit = tolerance + 0.5 * MAX_RAMP * before * after + JUMP_RATIO * np.quantile(distance, JUMP_QUANTILE)
     worst = int(np.argmax(distance / limit))
     if distance[worst] > limit[worst]:
@@ -98,6 +99,7 @@ def check_rest(time: Array, points: Array, tolerance: float, where: str) -> None
         velocity = centred_time @ centred / (centred_time @ centred_time)
         noise = np.linalg.norm((centred - np.outer(centred_time, velocity)).std(axis=0))
         travel = np.linalg.norm(velocity) * np.ptp(centred_time)
+        # Of the slope through evenly spaced samples, times the time that they span.
         standard_error = np.sqrt(12.0 / count) * noise
         if travel > tolerance + 4.0 * standard_error:
             raise InputError(
