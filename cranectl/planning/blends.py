@@ -24,6 +24,7 @@ def deviation(before: Geometry, after: Geometry, length: float, *, enclosed: boo
     """Return the largest distance of blend and path at equal lengths [m]: a proven bound, or at samples."""
     smooth = before.blend_into(after, length)
     edges = np.linspace(0.0, 0.5, HALF_BLEND_PIECES + 1)
+    # Half a piece and more than rounding to each side of its middle.
     middle, width = 0.5 * (edges[:-1] + edges[1:]), Interval(-edges[1:2], edges[1:2]) * 0.51
     largest = 0.0
     for part, begin, offset in ((before, 0.0, 1.0 - length / before.length), (after, 0.5, 0.0)):
@@ -38,6 +39,7 @@ def deviation(before: Geometry, after: Geometry, length: float, *, enclosed: boo
         if enclosed:
             centres, ones = Interval(centre, centre), Interval(one, one)
             whole = difference(centres + width, ones)
+            # Mean-value form: value in the middle, plus the rate on the whole piece times the way.
             values = [a[0] + b[1] * width for a, b in zip(difference(centres, ones), whole, strict=True)]
             squares = sum(np.maximum(np.abs(value.low), np.abs(value.high)) ** 2 for value in values)
         else:

@@ -75,12 +75,13 @@ def limits_of(scenario: Scenario) -> Limits:
         jerk=share * np.array(planning.jerk or (np.inf,) * 3),
         masses=masses,
         lean=tan(share * planning.lean),
+        # The share is that of the distance from the weight, at which a load at rest hangs.
         tension=((1.0 - share * (1.0 - low)) * rig.weight, (1.0 + share * (high - 1.0)) * rig.weight),
         load=np.array(planning.load_box) if planning.load_box else free,
         axes=rig.workspace,
         radius=Drawing(rig).load_radius,
         obstacles=tuple(Box(o.name, np.array(o.low), np.array(o.high)) for o in scenario.obstacles),
-        size=1.0,
+        size=1.0,  # `plan.limits_for` sets it
     )
 
 

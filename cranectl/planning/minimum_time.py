@@ -215,6 +215,7 @@ def _scale_limits(limits: Limits, share: float) -> Limits:
         force=keep * limits.force,
         jerk=keep * limits.jerk,
         lean=keep * limits.lean,
+        # Towards the weight: a share of the tension itself would forbid rest near a bound.
         tension=(low + share * (weight - low), high - share * (high - weight)),
         load=_narrow(limits.load, gap),
         axes=_narrow(limits.axes, gap),

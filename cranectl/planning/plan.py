@@ -98,6 +98,7 @@ def _plan_segment(
     key = key_of(segment, start, scenario)
     if key not in _SEGMENTS:
         arguments = segment, start, scenario, where
+        # `kept` does not know of this solver, and another version may find another plan.
         text = kept("plans", [key, version("clarabel")], lambda: _plan_as_json(*arguments))
         plans = _PLANS.validate_json(text)
         _SEGMENTS[key] = [planned.claiming(claim) for planned, claim in plans]
@@ -170,6 +171,7 @@ def plan_with_blends(segment: BlendedPath, start: Array, scenario: Scenario, whe
 
 
 def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spline:
+    # A time law in a scenario must lie within 0 and 1, which the solver may exceed by rounding.
     coefficients = tuple(np.clip(motion.coefficients[:, 0], 0.0, 1.0).tolist())
     return segment.timed(motion.duration, coefficients)
 
@@ -274,6 +276,7 @@ def free_motion(
     directions = np.array([along, up]) if segment.plane else np.eye(3)
     direction = aside * (not segment.plane) + up * (not segment.constant_rope)
     bump = GUESS_OFFSET * sum(float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points)) * direction
+    # The fourth power begins and ends with three derivatives at zero.
     guess += np.sin(np.pi * np.linspace(0.0, 1.0, len(guess)))[:, None] ** 4 * bump
     guess = np.clip(guess, *limits.load.T)
     via = points[1:-1]

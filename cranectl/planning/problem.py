@@ -152,7 +152,7 @@ class Problem:
         for index, group in enumerate(self.groups):
             limits, others = _split_efforts(group.bounded(self.series_of(list(self._jets(x, group)[0].T))))
             excess += [limit.excess() for limit in limits]
-            efforts += [other.excess() for other in others if not index]
+            efforts += [other.excess() for other in others if not index]  # the first group has all
         linear = self.order_excesses(x)[0], self._edge_excesses(x)[0]
         return np.concatenate([*excess, *linear]), np.concatenate(efforts)
 
@@ -277,6 +277,7 @@ class Problem:
         weights = (1.0 - share) * instants[passage.begin] + share * instants[passage.end]
 
         def bounded(coordinates: list[Series]) -> list[BoundedConstraint]:
+            # Distances depend on positions of the crane, for which two derivatives of the load suffice.
             crane_motion = motion(self.task.to_load([Series(c[:3]) for c in coordinates]), limits.gravity)
             return [
                 BoundedConstraint(Constraint(box.name, distance, 0.0, np.inf, limits.size), 0.0, -1.0)

@@ -114,6 +114,7 @@ class Merit:
             return hessian, np.zeros(len(x))
         whole = self.problem.hessian_of(x, multipliers) * np.outer(self.sizes, self.sizes)
         _, size, directions = np.linalg.svd(linearised.slope[multipliers > 0.0])
+        # The directions beyond the rank change no active limit, to first order.
         tangent = directions[np.count_nonzero(size > 1e-8 * size[0]) :].T
         values, vectors = np.linalg.eigh(tangent.T @ whole @ tangent)
         basis = tangent @ vectors
@@ -201,6 +202,7 @@ def _solve_qp(
     n = len(merit.sizes)
     linear = 2.0 * merit.effort / len(linearised.efforts) * (linearised.effort_slope.T @ linearised.efforts)
     linear[merit.problem.width] += merit.sizes[merit.problem.width]  # the duration
+    # Clarabel takes the upper triangle. The last variable is the largest excess, at least 0.
     quadratic = sparse.csc_matrix(np.triu(np.pad(hessian, (0, 1))))
     cost = np.append(linear, merit.excess)
     box = np.vstack([np.eye(n + 1)[:n], -np.eye(n + 1)])

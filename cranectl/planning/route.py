@@ -59,6 +59,7 @@ def round_corners(points: list[Array]) -> Array:
     """Return the path through `points` with rounded corners, at equal steps of time: (GUESS_POINTS, 3)."""
     steps = [float(np.linalg.norm(b - a)) for a, b in itertools.pairwise(points)]
     lengths = np.concatenate([[0.0], np.cumsum(steps)]) / sum(steps)
+    # Beyond both ends the path stays there: the filter must not average with zeros.
     fine = np.linspace(-ROUNDED_SHARE, 1.0 + ROUNDED_SHARE, 4 * GUESS_POINTS)
     path = np.stack([np.interp(fine, lengths, column) for column in np.array(points).T], axis=1)
     half = max(1, int(ROUNDED_SHARE / 2 / (fine[1] - fine[0]))) if len(points) > 2 else 0
