@@ -111,6 +111,7 @@ def _synthesise(
     """Call SB10AD; `job` 1 bisects for the smallest gamma, from above, and 4 takes the given gamma."""
     matrices = (np.asfortranarray(x) for x in (generalised.A, generalised.B, generalised.C, generalised.D))
     sizes = (generalised.nstates, generalised.ninputs, generalised.noutputs, controls, measurements)
+    # The last two: the tolerance of gamma, and the largest real part of a stable pole.
     *_, info = solution = ctrlsys.sb10ad(job, *sizes, *matrices, gamma, 1e-8, 0.0)
     if info != 0:
         raise InputError(
@@ -181,7 +182,7 @@ def _bisect(problem: FullInformation, highest: float) -> float:
 def _reflected(problem: FullInformation) -> FullInformation:
     """Return the same problem with its states reflected, so that each new state mixes all of them."""
     n = len(problem.a)
-    mirror = np.eye(n) - 2.0 / max(n, 1)
+    mirror = np.eye(n) - 2.0 / max(n, 1)  # along (1, …, 1); it is its own inverse
     return problem._replace(
         a=mirror @ problem.a @ mirror,
         b_1=mirror @ problem.b_1,

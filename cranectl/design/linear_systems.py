@@ -87,6 +87,7 @@ def hinf_norm(system: control.StateSpace) -> float:
 
     n, m, p = system.nstates, system.ninputs, system.noutputs
     a, b, c, d = (np.asfortranarray(x) for x in (system.A, system.B, system.C, system.D))
+    # Continuous, E = I, with scaling, with D; no guess of the peak's frequency.
     peak, _, info = ctrlsys.ab13dd(
         "C", "I", "S", "D", n, m, p, np.array([0.0, 1.0]), a, np.eye(n, order="F"), b, c, d, 1e-10
     )
@@ -166,7 +167,7 @@ def real_modal_form(system: control.StateSpace) -> control.StateSpace:
         )
     columns: list[Array] = []
     blocks: list[Array] = []
-    for k in np.lexsort((poles.imag, poles.real, poles.imag == 0.0)):
+    for k in np.lexsort((poles.imag, poles.real, poles.imag == 0.0)):  # the last key counts first
         if poles[k].imag == 0.0:
             columns.append(vectors[:, k].real)
             blocks.append(poles[k : k + 1].real.reshape(1, 1))

@@ -39,6 +39,7 @@ def lqr_gain(settings: DesignSettings) -> Array:
     high = 2.0 * low
     while excess(high) > 0.0:
         high *= 2.0
+    # SciPy takes no smaller rtol, so this root is as exact as its numbers.
     k2 = float(brentq(excess, low, high, xtol=np.finfo(float).tiny, rtol=4 * np.finfo(float).eps))
     k1, k3 = others(k2)
     return np.array([k0, k1, k2, k3])
