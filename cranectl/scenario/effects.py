@@ -201,7 +201,7 @@ class Wind(Effect):
 
         decay = np.exp(-period / self.gust_time)
         white = np.random.default_rng(self.seed).standard_normal((samples, 2))
-        white[1:] *= np.sqrt(1.0 - decay**2)
+        white[1:] *= np.sqrt(1.0 - decay**2)  # the first sample has the whole variance
         gusts = self.gust * lfilter([1.0], [1.0, -decay], white, axis=0)
         velocity: NDArray[np.float64] = np.array(self.mean) + np.column_stack([gusts, np.zeros(samples)])
         return velocity

@@ -96,7 +96,7 @@ def _stated_rig(name_or_path: str | Path) -> Table:
     """Return the parameters of a rig that its file or a file that it extends has."""
     *above, (_, whole) = rig_files(name_or_path)
     if "load_mass" in whole:
-        whole = {"rated_load": whole["load_mass"], **whole}
+        whole = {"rated_load": whole["load_mass"], **whole}  # a rated load that the file has counts
     for _, table in reversed(above):
         whole = Tree(whole).merged(table)
     return whole
@@ -167,6 +167,7 @@ def default_scenario(*, rig: str | Path | None = None, overrides: Sequence[str] 
     scenario = _scenario(table, "default scenario", rig, overrides)
     (left, right), (back, front), (shortest, longest) = scenario.rig.workspace.tolist()
     middle = 0.5 * (left + right), 0.5 * (back + front), -max(shortest, 0.5 * longest)
+    # The middle is known only now, from the rig.
     return scenario.model_copy(update={"reference": ReferenceSettings(start=middle)})
 
 
