@@ -197,6 +197,7 @@ class Agreement:
             return agreement
         if not RunMemory(one.scenario).fits(one.design, one.drive, runs=2 * len(runs)):
             return agreement  # the memory does not suffice for finer runs beside these
+        # The difference falls with the step to the power of `order`.
         halvings = min(math.ceil(math.log2(agreement.excess) / limits.order), MAX_HALVINGS)
         shorter = PhysicsStep(one.scenario, one.drive).refined(2**halvings)
         if shorter is None:
