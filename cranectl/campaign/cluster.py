@@ -214,7 +214,7 @@ def _local(distributed: Any, workers: int) -> Iterator["Client"]:
             threads_per_worker=1,
             **NO_DASHBOARD,
             memory_limit=0,
-            preload=[__name__],
+            preload=[__name__],  # each process then calls `dask_setup`
             silence_logs=logging.CRITICAL,
         ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,

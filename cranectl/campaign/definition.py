@@ -43,6 +43,7 @@ class UncertainParameter:
         values = self.distribution.quantile(u, self.nominal)
         if self.multiple:
             low, high = (end / self.multiple for end in self.ends)
+            # An end that is a multiple but for rounding counts as one.
             counts = np.clip(np.round(values / self.multiple), np.ceil(low - 1e-6), np.floor(high + 1e-6))
             values = counts * self.multiple
         return np.where(np.isnan(u), self.nominal, values)

@@ -247,6 +247,7 @@ def _check_empty(directory: Path) -> None:
     own = (PARTS, LOCK_FILE)
     paths = [path for path in directory.iterdir() if path.name not in own]
     paths += (directory / PARTS).glob("*")
+    # A killed process may leave the file to which it was writing the manifest.
     other_files = sorted(path.name for path in paths if not path.name.startswith(f"{MANIFEST_FILE}."))
     if other_files:
         raise InputError(

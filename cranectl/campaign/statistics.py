@@ -108,6 +108,7 @@ def between_bins(bins_by_parameter: Sequence[Bins], y: Array) -> tuple[Array, Ar
         if variation:
             between = sum(part.size * float(part.mean() - together.mean()) ** 2 for part in parts)
             eta[k] = math.sqrt(between / variation)
+            # Its first argument is H of Kruskal and Wallis.
             p[k] = chi2.sf(between / variation * (together.size - 1), len(parts) - 1)
     return eta, p
 

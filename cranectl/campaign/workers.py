@@ -162,6 +162,7 @@ class ChildWorker:
 
     def run_batch(self, batch: Batch, stop: Stop = lambda: False) -> list[Row]:
         """Return the rows of `batch`; raise StoppedError soon after `stop` returns True."""
+        # One run at a time, so that a process that ends loses no other.
         single = (batch._replace(first=k, last=k + 1) for k in range(batch.first, batch.last))
         return [MachineError.retry(partial(self._try, one_run, stop)) for one_run in single]
 
