@@ -21,6 +21,7 @@ from cranectl.support import Array, InputError
 
 HEADER = Path(__file__).parent / "cranectl.h"
 COMPILERS = {".c": "cc", ".cc": "c++", ".cpp": "c++", ".cxx": "c++"}  # by ending of the source
+# The last forbids to fuse a product and a sum, which rounds differently on some processors.
 FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off")
 DECLARED = ("name", "title", "command", "follows", "measures", "every", "preview", "period")
 
@@ -88,6 +89,7 @@ def _ask(file: ControllerFile, values: list[float] | None, nominal: dict[str, An
         sources = [source for ending in COMPILERS if (source := file.path.with_suffix(ending)).is_file()]
         again = f" and compile it again: {compile_command(sources[0])}" if sources else ""
         raise InputError(
+            # The process has read a copy, of which the user knows nothing.
             f"{file.reference}: {error}".replace(str(copy_of(file)), str(file.path)),
             allowed=f"a library for this machine with the interface of {HEADER}",
             remedy=f"correct it{again}; 'cranectl new c-controller NAME' writes one that works",

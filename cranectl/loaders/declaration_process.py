@@ -19,7 +19,7 @@ def ask_declaration(program: str, binary: Path, question: dict[str, Any]) -> dic
     """Return what `answer(binary, question)` of the file `program` returns; raise ValueError as it does."""
     from cranectl.support import Program  # which the process does without
 
-    command = [sys.executable, "-I", __file__, program, str(binary)]
+    command = [sys.executable, "-I", __file__, program, str(binary)]  # -I: no variables of the user
     try:
         done = Program.ask(command, DECLARATION_TIMEOUT, question=json.dumps(question))
     except TimeoutError:

@@ -76,6 +76,7 @@ def initialised(known: Functions, model: Plain, values: Iterable[float]) -> int:
     if len(numbers):
         more = (len(numbers),) if fmi == 3 else ()
         _check(fmi, "Set", known["Set"](instance, references, len(numbers), numbers, *more))
+    # No tolerance, start at 0, no end: for SetupExperiment of FMI 2, or EnterInitializationMode of FMI 3.
     start = (instance, 0, 0.0, 0.0, 0, 0.0)
     if fmi == 2:
         _check(fmi, "SetupExperiment", known["SetupExperiment"](*start))

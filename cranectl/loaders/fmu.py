@@ -52,6 +52,7 @@ class Fmu:
             raise wrong(file, f"it is for {kind} only", remedy="export it for co-simulation")
         self.file, self.description, self.kind = file, description, description.coSimulation
         self.fmi = int(description.fmiVersion[0])
+        # FMI 2 says linux64, FMI 3 x86_64-linux.
         platform = fmpy.platform if self.fmi == 2 else fmpy.platform_tuple
         identifier = self.kind.modelIdentifier or ""
         if not re.fullmatch(r"[A-Za-z_]\w*", identifier, flags=re.ASCII):
@@ -73,7 +74,7 @@ class Fmu:
         self.variables: Variables = variables_of(file, description)
         exchanged = (self.variables.input_references, self.variables.output_references)
         self._references = [np.array(references, dtype=np.uint32) for references in exchanged]
-        self._tell = _TELL(self._failed)
+        self._tell = _TELL(self._failed)  # kept, since steps call it by address
         self._made = False  # whether this process has made an instance
         self._lost: set[int] = set()  # instances with a fatal error, whose functions must not be called
 
@@ -235,12 +236,13 @@ def _unpacked(file: ControllerFile, fmpy: Any) -> Path:
         for item in items:
             if ".." in Path(item.filename).parts:
                 raise wrong(file, f"it would write outside of its directory: '{item.filename}'")
-            if stat.S_ISLNK(item.external_attr >> 16):
+            if stat.S_ISLNK(item.external_attr >> 16):  # the mode, in archives from Unix
                 raise wrong(file, f"it has a link: '{item.filename}'")
         if sum(item.file_size for item in items) > MAX_UNPACKED_BYTES:
             raise wrong(file, f"it has more than {MAX_UNPACKED_BYTES} bytes when it is unpacked")
         whole.write_bytes(file.content)
         fmpy.extract(whole, part)
+        # Only now, since a folder of this name counts as whole.
         part.rename(folder)
     except InputError:
         raise

@@ -75,7 +75,7 @@ def _exchange(parameters, function, references, count, values):
 def _do_step(parameters, memory):
     """Advance the FMU by one period; return the status."""
     c, instance = np.int64(parameters[PARAMETERS.step]), np.int64(parameters[PARAMETERS.instance])
-    period, final = parameters[PARAMETERS.period], np.int32(1)
+    period, final = parameters[PARAMETERS.period], np.int32(1)  # no earlier state is restored
     time = memory[MEMORY.steps] * period
     if parameters[PARAMETERS.fmi] == 2.0:
         return _call(c, (instance, time, period, final))

@@ -51,7 +51,7 @@ class FolderImports(MetaPathFinder):
         self._opened: set[Path] = set()
         self._running = False
         parent = ModuleType(self.package)
-        parent.__path__ = []
+        parent.__path__ = []  # which makes it a package
         sys.modules[self.package] = parent
         sys.meta_path.insert(0, self)
         _listen()
@@ -197,6 +197,7 @@ class _Loader(SourceFileLoader):
 
 @cache
 def _listen() -> None:
+    # No hook can be removed, so one serves all controllers.
     sys.addaudithook(_hear)
 
 

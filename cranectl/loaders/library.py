@@ -185,7 +185,7 @@ def check(library: ctypes.CDLL, declared: Plain, start: Plain) -> None:
         memories = [(c_double * len(start["memory"]))(*start["memory"]) for _ in range(2)]
         commands: list[list[bytes]] = [[], []]
         for which in order:
-            row = (len(commands[which]) + 7 * which) % TRIAL_STEPS
+            row = (len(commands[which]) + 7 * which) % TRIAL_STEPS  # the two measure different rows
             inputs = {"parameters": parameters, "measured": measured[row], "reference": path}
             before, command = [bytes(values) for values in inputs.values()], (c_double * 3)()
             step(*inputs.values(), memories[which], command)

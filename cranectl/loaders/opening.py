@@ -123,6 +123,7 @@ def complete_copy_of(file: ControllerFile) -> Path:
     """Return the file's own path, or that of a complete copy if any of its files has changed."""
     if file.read_again() == file:
         return Path(file.place)
+    # A name with .. needs as many folders above the copy, with the names that they have here.
     above = max((name.split("/").count("..") for name, _ in file.companions), default=0)
     folder = directory_of(file).joinpath("whole", *file.folder.parts[1:][-above:] if above else ())
     for name, content in (*file.companions, (Path(file.place).name, file.content)):
@@ -246,6 +247,7 @@ def _register(file: ControllerFile) -> str:
 def _opened(file: ControllerFile) -> tuple[Controller, ControllerFile]:
     """Return the controller of a file, and the file with all that it imports or reads."""
     ending = file.path.suffix or ".toml"
+    # The file may register its controller itself, whose name an earlier version would have taken.
     earlier = {name: OPEN.registered.pop(name) for name, known in OPEN.files.items() if known.is_of(file)}
     controller: Controller
     opened: ControllerFile

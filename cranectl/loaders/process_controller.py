@@ -231,7 +231,7 @@ class _Datagrams:
         """Return a datagram, or None if none comes within `seconds`."""
         self._socket.settimeout(seconds)
         try:
-            return self._socket.recv(size + 1)
+            return self._socket.recv(size + 1)  # one byte more shows a datagram that is too long
         except TimeoutError:
             return None
 

@@ -67,7 +67,7 @@ def _load(file: ControllerFile) -> tuple[ModuleType, ControllerFile]:
     module.__package__ = ""  # as for any script
     module.__dict__["__builtins__"] = imports.names
     sys.modules[module.__name__] = module
-    linecache.checkcache(str(path))
+    linecache.checkcache(str(path))  # or tracebacks would show the lines of an earlier version
     try:
         with ForeignCode.contained(f"{file.reference} has been loading"), imports.running():
             exec(compile(file.content, str(path), "exec"), module.__dict__)
@@ -135,6 +135,7 @@ def _declared(source: Any, step: Any, file: ControllerFile) -> Controller:
         prepare=getattr(source, "prepare", prepare),
         parameters=parameters,
         logged=logged,
+        # Our own `prepare` reads nothing of the rig.
         **({} if hasattr(source, "prepare") else {"reads": ()})
         | {key: getattr(source, key) for key in DECLARED if hasattr(source, key)},
     )
