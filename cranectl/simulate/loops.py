@@ -215,6 +215,7 @@ def advance_block(plant, inputs, path, record, memory, first, last):
             return k, k, status
         command = read_commands(inputs, path, k, row)
         disturbance = row[COLUMN.disturbance : COLUMN.disturbance + 2]
+        # Load and tension are those at the start of the period: the row is judged by them.
         advance(plant, command, disturbance, inputs.wind[k], row[COLUMN.load : COLUMN.load + 7])
         status = judge_sample(inputs, row)
         if status == RUNNING and warnings(plant) != 0:

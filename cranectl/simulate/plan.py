@@ -55,7 +55,7 @@ class PlannedReference:
             self.gravity,
             scenario=scenario,
             initial_state=_initial_state(scenario, self),
-            disturbance=np.ascontiguousarray(disturbances[:, :2]),  # for strides loops would compile anew
+            disturbance=np.ascontiguousarray(disturbances[:, :2]),  # or loops are compiled for strides
             wind=np.hstack([air, disturbances[:, 2:]]),
         )
 

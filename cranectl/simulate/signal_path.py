@@ -212,6 +212,6 @@ def act(path, actuation, integral, intended, row, commanded):
             command[axis] = 0.0
         command[axis] *= path.calibration.drive_gain[axis]
     if path.sensed:
-        predict(path.observer, path.assumed, path.estimate)  # which knows of no delay
+        predict(path.observer, path.assumed, path.estimate)  # the observer knows of no delay
     transport(path.line, path.clock[0], command)
     path.clock[0] += 1
