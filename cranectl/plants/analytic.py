@@ -63,7 +63,7 @@ def passive_accelerations(passive, load_mass, state, wind):
         return 0.0, 0.0
     sa, ca, sb, cb = sin(state[ALPHA]), cos(state[ALPHA]), sin(state[BETA]), cos(state[BETA])
     f_x, f_y, f_z = outer_force(passive, state, wind)
-    # Torque over inertia: l dn/dalpha f over m l² cos² beta, and l dn/dbeta f over m l².
+    # Torques over inertias, of a force f: l f dn/dalpha / (m l² cos² beta), l f dn/dbeta / (m l²).
     arm = 1.0 / (load_mass * state[ROPE])
     alpha = arm * (ca * f_y + sa * f_z) / cb
     beta = arm * (cb * f_x - sb * sa * f_y + ca * sb * f_z)

@@ -82,7 +82,7 @@ class DrakePlant:
 
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[4])
-        self.state[:] = 0.0  # frame, and body under its hook
+        self.state[:] = 0.0  # also of frame and body, which begin at rest
         self.state[self.positions] = state[0::2]
         self.state[self.crane.num_positions() + self.velocities] = state[1::2]
 

@@ -169,7 +169,7 @@ class OwnModel(SiteModel):
             gradient, moment = self.place(data, state), self._moments(data)
             heights.append(float(data.site_xpos[self.sites[0], 2]))
             motion = moment @ np.linalg.pinv(gradient)  # (3, 5) of actuators, by axis
-            ratios = ratios if ratios.any() else np.diag(motion).copy()  # of the first place
+            ratios = ratios if ratios.any() else np.diag(motion).copy()  # the first place sets them
             others = np.hstack([motion - np.eye(3, 5) * ratios[:, np.newaxis], moment - motion @ gradient])
             for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * ratios)):
                 moved = ", ".join(f"{axis} {part:.3g}" for axis, part in zip(AXES, motion[k], strict=True))
@@ -222,9 +222,9 @@ class OwnModel(SiteModel):
             accelerations.append(gradient @ data.qacc)
         falling, *pushed = accelerations
         by_force = pushed - falling  # (3, 5)
-        # Less what forces of the drives that hold the axes add: only a load hung aside swings then.
+        # Less what the drives do to the angles while they hold the axes: only a load aside still swings.
         aside = falling[3:] - falling[:3] @ np.linalg.pinv(by_force[:, :3]) @ by_force[:, 3:]
-        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity  # g offset / l² turns it
+        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity  # g offset / l²
         if not offset < MAX_OFFSET:
             raise InputError(
                 f"{self.file}: the load '{self.names.load}' hangs about {offset:.2g} m beside the pivot "
