@@ -58,7 +58,7 @@ def workspace_violations(run: Run) -> tuple[WorkspaceViolation, ...]:
 
 def _violations(run: Run) -> tuple[WorkspaceViolation, ...]:
     """Return the violations of a run whose metrics cannot be computed."""
-    step = np.diff(run.time, append=run.time[-1:])
+    step = np.diff(run.time, append=run.time[-1:])  # the last sample lasts no time
     return tuple(
         WorkspaceViolation(
             name,
