@@ -111,7 +111,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
         below, directory = table.pop("extends", None), path.parent
-        RigParameters.from_table(table, str(path))
+        RigParameters.from_table(table, str(path))  # checks this file alone
         if not isinstance(below, str | None):
             raise InputError(
                 f"{path}: extends = {below!r}",

@@ -215,6 +215,7 @@ class Scenario(Settings):
     @property
     def changed_from_default(self) -> dict[str, Any]:
         """Settings that differ from their defaults, by dotted name, without keys of every scenario."""
+        # A record states its step in any case: the usual one must not count as changed.
         usual_step = ControlSettings(physics_step=self.control.physics_step and MAX_DEFAULT_STEP)
         start = ReferenceSettings(start=(0.0, 0.0, 0.0))
         default = Scenario(name="default", duration=1.0, reference=start, control=usual_step)
