@@ -156,7 +156,7 @@ def _limits(new: Run, golden: Run, limits: Sequence[SignalLimit]) -> dict[str, S
                 allowed="limits in the order in which they count: the first match wins",
                 remedy="put special limits before general ones",
             )
-        chosen = {**dict.fromkeys(matched, limit), **chosen}
+        chosen = {**dict.fromkeys(matched, limit), **chosen}  # the first match counts
     unmatched_names = [name for name in chosen if name not in in_golden or name not in in_new]
     if unmatched_names:
         controllers = golden.design.name, new.design.name
