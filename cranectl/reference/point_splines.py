@@ -56,6 +56,7 @@ def interpolate_way_points(
             allowed=f"2 to {segment.MAX_POINTS} points for a spline through each",
             remedy='for a spline near more points use kind = "samples"',
         )
+    # The points alone, since times may be computed from them.
     check_numbers(np.arange(len(points), dtype=np.float64), points, where)
     time = _times(segment, motion, points, where)
     check_numbers(time, points, where)
