@@ -172,6 +172,7 @@ class Problem:
         for group in self.groups:
             jets, _ = self._jets(x, group)
             count = len(group.fractions)
+            # One sample is enough to count the constraints.
             total = len(_split_efforts(group.bounded(self.series_of(list(jets[:1].T))))[0]) * count
             by_sample = multipliers[first : first + total].reshape(-1, count)
             first += total
@@ -217,6 +218,7 @@ class Problem:
         fractions = group.fractions
         if group.by_instant.any():
             fractions = np.clip(fractions + group.by_instant @ x[self.width + 1 :], 0.0, 1.0)
+        # No instant moves the samples of the first group, so their basis is kept.
         basis = self._fixed_basis if fractions is self.groups[0].fractions else self.basis(fractions)
         basis = basis * (self.duration(x) ** -np.arange(float(ORDERS)))[:, None]
         return (basis @ self.coefficients(x)).reshape(len(basis), -1), basis
