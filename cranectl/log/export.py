@@ -204,6 +204,7 @@ def _write_mat(table: ExportTable, path: Path) -> None:
     names = _valid_names(table.info)
     info: dict[str, Any] = {names[name]: value for name, value in table.info.items()}
     if renamed := _matlab_renamed(table):
+        # An array of objects becomes a cell array of texts.
         info["renamed"] = np.array([f"{old} is {new}" for old, new in renamed.items()], dtype=object)
     long = any(len(name) > SHORT_NAME for path in (*paths.values(), info) for name in path)
     with path.open("w+b") as stream:
