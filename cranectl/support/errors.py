@@ -119,6 +119,7 @@ class InputError(CranectlError):
     def did_you_mean(cls, name: str, known: Iterable[str]) -> str:
         """Return a question with the known name that `name` resembles, or an empty text."""
         near = cls.nearest(name, known, 1)
+        # 0.6 is also the cutoff of `difflib.get_close_matches`.
         return f"did you mean '{near[0]}'?" if near and _similarity(name, near[0]) >= 0.6 else ""
 
     @staticmethod

@@ -84,6 +84,7 @@ def _text(node: object) -> str:
     if isinstance(node, ast.JoinedStr):
         return f"JoinedStr({_text(_merged(node.values))})"
     if isinstance(node, ast.AST):
+        # `kind` is only the u of u"text".
         fields = [(name, getattr(node, name, None)) for name in node._fields if name != "kind"]
         inner = (f"{name}={_text(value)}" for name, value in fields if value not in (None, []))
         return f"{type(node).__name__}({','.join(inner)})"

@@ -205,7 +205,7 @@ def _convert(text: _Text, layout: Layout, width: int, column: int, *, has_comma:
                     column_names=unique,
                     skip_rows=header.start if is_plain else 0,
                     encoding=text.encoding if is_plain else "utf-8",
-                    block_size=4 * MAX_LINE,
+                    block_size=4 * MAX_LINE,  # Arrow refuses a row longer than a block
                 ),
                 parse_options=arrow.ParseOptions(
                     delimiter="\t" if layout.separator == BLANKS else layout.separator
