@@ -224,7 +224,8 @@ class OwnModel(SiteModel):
         by_force = pushed - falling  # (3, 5)
         # Less what the drives do to the angles while they hold the axes: only a load aside still swings.
         aside = falling[3:] - falling[:3] @ np.linalg.pinv(by_force[:, :3]) @ by_force[:, 3:]
-        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity  # g offset / l²
+        # A load at this offset from below its pivot swings with g offset / l².
+        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity
         if not offset < MAX_OFFSET:
             raise InputError(
                 f"{self.file}: the load '{self.names.load}' hangs about {offset:.2g} m beside the pivot "
