@@ -20,7 +20,8 @@ help: ## list the targets
 setup: .venv/ready ## create .venv and install cranectl with its tools for developers
 extras: .venv/extras .venv/oracles ## add all extras, and CasADi for tests
 clean: ## remove .venv and all generated files
-	rm -rf .venv viewer/node_modules viewer/failures logs build dist .mypy_cache .ruff_cache .pytest_cache
+	rm -rf .venv viewer/node_modules viewer/failures build dist .mypy_cache .ruff_cache .pytest_cache
+	git clean -fdXq logs  # what git ignores, so that its README.md stays
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 .venv/cranectl: pyproject.toml constraints.txt

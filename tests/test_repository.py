@@ -2,11 +2,13 @@
 
 import re
 import shlex
+import subprocess
 import tomllib
 
 import pytest
 import yaml
 
+from cranectl.cli.main import main
 from tests.conftest import ROOT
 
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
@@ -34,9 +36,9 @@ def test_every_target_is_declared_phony() -> None:
 def test_both_ci_systems_call_the_same_targets_in_the_same_order() -> None:
     lines = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
     own = [target for line in lines for target in targets_of(line)]
-    steps = WORKFLOW["jobs"]["test"]["steps"]
-    forge = [target for step in steps for target in targets_of(step.get("run", ""))]
-    assert own == forge
+    job = WORKFLOW["jobs"]["test"]
+    assert [step["run"] for step in job["steps"] if "run" in step] == ["make ${{ matrix.target }}"]
+    assert own == job["strategy"]["matrix"]["target"]
     assert len(own) >= 8
 
 
@@ -60,6 +62,24 @@ def test_hooks_run_what_lint_runs() -> None:
     tools = [re.sub(r" --\S+", "", hook["entry"]).replace(".venv/bin/", "") for hook in hooks]
     assert tools == ["ruff format", "ruff check", "typos", "lint-imports", "make lint"]
     assert all(tool in recipe[1] for tool in tools[:-1])
+
+
+def test_the_folder_of_logs_says_what_lands_there(capsys: pytest.CaptureFixture[str]) -> None:
+    """Git keeps its page alone; each name in the table is the default that the command's help states."""
+    tracked = subprocess.run(
+        ["git", "ls-files", "logs"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert tracked.stdout.split() == ["logs/README.md"]
+    subprocess.run(
+        ["git", "check-ignore", "--quiet", "logs/fixed-position/lqr-ideal.mcap"], cwd=ROOT, check=True
+    )
+    table = (ROOT / "logs" / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([^`.]+(?:\.mcap)?)`[^|]*\| `cranectl ([^`]+)`", table, re.MULTILINE)
+    for name, command in rows:
+        assert main([*command.split(), "--help"]) == 0
+        shown = "".join(capsys.readouterr().out.split())  # lines break at hyphens
+        assert f"logs/{name}" in shown, command
+    assert len(rows) == 8
 
 
 @pytest.mark.parametrize(
