@@ -22,7 +22,6 @@ from tests.log.corruption import (
     change_outcomes,
     every_message,
     put_together,
-    set_json,
     take_apart,
 )
 
@@ -157,14 +156,7 @@ def change_rate(parts: Parts, data: st.DataObject) -> None:
     parts.meta("cranectl").metadata["every"] = str(every)
 
 
-def change_gain(parts: Parts, data: st.DataObject) -> None:
-    gain = json.loads(parts.attachment("design.json").data)["gain"]
-    gain[data.draw(st.integers(0, 3))] *= data.draw(st.floats(-2.0, 0.99))
-    set_json("design.json", gain=gain)(parts)
-
-
-CONTRADICTIONS = [replace_number, move_sample, remove_sample, scale_times]
-CONTRADICTIONS += [change_outcome, change_rate, change_gain]
+CONTRADICTIONS = [replace_number, move_sample, remove_sample, scale_times, change_outcome, change_rate]
 CHANGES = [change_metadata, change_attachment, change_title, remove_topic, keep_only_the_first_sample]
 
 
