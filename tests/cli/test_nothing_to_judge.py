@@ -14,7 +14,9 @@ from cranectl.compare import Tolerances
 from cranectl.log.reader import read_log
 from cranectl.support.errors import InputError
 from tests.cli.conftest import Command
+from tests.cli.test_key_remedies_rules import BENCHMARK
 from tests.remedies import prepared
+from tests.tools.benchmark.conftest import SHORT
 
 pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
@@ -31,7 +33,7 @@ uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 2.0}
 """
 RUN = "run still.toml --every 1 --out"
 prepared_files = prepared(
-    {"still.toml": SCENARIO, "c.toml": CAMPAIGN},
+    {"still.toml": SCENARIO, "c.toml": CAMPAIGN, "short.toml": SHORT, "small.toml": BENCHMARK},
     [
         f"{RUN} two.mcap",
         *(f"{RUN} {plant}.mcap --plants {plant}" for plant in ("analytic", "mujoco")),
@@ -74,7 +76,10 @@ NOTHING: dict[str, list[tuple[str, str]]] = {
         ("campaign replay r --run 7", "has no run 7"),
         ("campaign report none", "none is not finished"),
     ],
-    "benchmark": [("benchmark report empty", "empty"), ("benchmark run --scenario no --out b", "scenario")],
+    "benchmark": [
+        ("benchmark report empty --benchmark small.toml", "empty"),
+        ("benchmark run small.toml --scenario no --out b", "scenario"),
+    ],
     "identify": [("identify two.mcap two.mcap two.mcap --rig lab-rig", "two.mcap has no measured run")],
 }
 # Commands that judge, and always have something to judge.

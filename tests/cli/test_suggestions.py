@@ -5,7 +5,6 @@ import html
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,6 +20,9 @@ from tests.cli.conftest import Command
 from tests.cli.option_cases import SHORT
 from tests.cli.suggestions import commands_of_page, execute, suggested_commands
 from tests.loaders.controller_files import LAW
+from tests.remedies import prepared
+
+pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 CONTROLLER_FILE = "crane's laws/own law.py"
 SHIP = f'name = "ship"\n{SHORT}limits = {{ max_error_m = 0.0 }}\n'
@@ -39,16 +41,14 @@ ON = ["--plants", "analytic", "--drive", "ideal", "--set", "initial.load_offset=
 OWN = ["--controller", f"{CONTROLLER_FILE}:BridgeServo"]
 
 
-@pytest.fixture(autouse=True)
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Write files whose names a shell would split."""
-    monkeypatch.chdir(tmp_path)
-    Path(CONTROLLER_FILE).parent.mkdir()
-    Path(CONTROLLER_FILE).write_text(LAW)
-    Path("the ship.toml").write_text(SHIP)
-    Path("many ships.toml").write_text(MANY)
-    yield
+def run_campaign() -> None:
+    assert main(["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]) == 0
     close_controllers()
+
+
+# A shell would split the names of these files.
+FILES = {CONTROLLER_FILE: LAW, "the ship.toml": SHIP, "many ships.toml": MANY}
+prepared_files = prepared(FILES, [], run_campaign)
 
 
 @pytest.mark.parametrize("keep", ["failed", "none"])
@@ -91,21 +91,9 @@ def test_commands_that_a_ladder_suggests_work(output: Command) -> None:
     assert Path("a page.html").read_bytes() == before, "the suggested command loses a setting"
 
 
-@pytest.fixture
-def result() -> Path:
-    """Return the result of a campaign, made by a command whose names a shell would split."""
-    run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
-    assert main(run) == 0
-    close_controllers()
-    return Path("the result")
-
-
-@pytest.mark.usefixtures("result")
-def test_commands_that_a_campaign_report_suggests_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    for folder, result in ((tmp_path, "the result"), (tmp_path / "elsewhere", "../the result")):
+def test_commands_that_a_campaign_report_suggests_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("elsewhere").mkdir()
+    for folder, result in ((".", "the result"), ("elsewhere", "../the result")):
         monkeypatch.chdir(folder)
         close_controllers()
         assert main(["campaign", "report", result, "--out", "a page.html"]) == 0
@@ -118,8 +106,8 @@ def test_commands_that_a_campaign_report_suggests_work(
 
 
 @pytest.mark.parametrize("state", ["missing", "damaged"])
-def test_the_command_that_completes_a_result_works(state: str, result: Path, refusal: Command) -> None:
-    part = sorted((result / PARTS).iterdir())[-1]
+def test_the_command_that_completes_a_result_works(state: str, refusal: Command) -> None:
+    part = sorted(Path("the result", PARTS).iterdir())[-1]
     content = part.read_bytes()
     if state == "missing":
         part.unlink()
