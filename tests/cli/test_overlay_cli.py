@@ -15,12 +15,11 @@ pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 NAMES = ("lqr", "pid", "pole-placement")
 RUN = "run fixed-position --set duration=0.5 --set disturbances=[] --set initial.load_offset=[0.1,0,0]"
-OVERLAY = "log overlay lqr.mcap pid.mcap pole-placement.mcap --out all.mcap"
 prepared_files = prepared(
     {},
     [
         *(f"{RUN} --controller {name} --out {name}.mcap" for name in NAMES),
-        OVERLAY,
+        "log overlay lqr.mcap pid.mcap pole-placement.mcap --out all.mcap",
         *(f"{RUN} --set name={name} --out {name}/a.mcap" for name in ("here", "there")),
     ],
 )

@@ -11,6 +11,7 @@ from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.simulate import simulate_run
 from tests.cli.conftest import Command
+from tests.remedies import written
 
 SCENARIO = """
 name = "across"
@@ -26,11 +27,19 @@ name = "low wall"
 low = [0.6, 0.0, -1.4]
 high = [0.8, 1.54, -1.0]
 """
-
-
-@pytest.fixture(autouse=True)
-def scenario(in_empty_directory: None) -> None:  # noqa: ARG001
-    Path("across.toml").write_text(SCENARIO)
+HOIST = """
+name = "hoist"
+duration = 6.0
+[reference]
+start = [1.0, 0.77, -1.0]
+[[reference.segments]]
+kind = "line"
+to = [1.0, 0.77, -0.5]
+duration = 4.4
+[effects.limits]
+velocity = [1.0, 1.0, 0.2]
+"""
+files = written({"across.toml": SCENARIO, "hoist.toml": HOIST})
 
 
 def test_a_plan_is_printed_drawn_and_logged(output: Command) -> None:
@@ -90,22 +99,7 @@ def test_shipped_minimum_time_scenarios_have_the_documented_durations() -> None:
         assert duration == pytest.approx(expected, rel=1e-3), name  # guesses and machines change less
 
 
-HOIST = """
-name = "hoist"
-duration = 6.0
-[reference]
-start = [1.0, 0.77, -1.0]
-[[reference.segments]]
-kind = "line"
-to = [1.0, 0.77, -0.5]
-duration = 4.4
-[effects.limits]
-velocity = [1.0, 1.0, 0.2]
-"""
-
-
 def test_a_motion_that_run_refuses_is_refused_by_plan_with_the_same_words(refusal: Command) -> None:
-    Path("hoist.toml").write_text(HOIST)
     error = refusal("plan", "hoist.toml")
     assert error == refusal("run", "--plants", "elastic", "hoist.toml")
     assert "the drive of the rope can: 0.28 m/s" in error

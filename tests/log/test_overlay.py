@@ -24,7 +24,7 @@ from tests.log.viewer import messages_of
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def layers(short: Scenario) -> dict[str, Layer]:
     """Return runs of different controllers, plants, drives, references and rates; two stopped early."""
     early = simulate_run(short, plant="mujoco", controller="lqr", drive="velocity")
