@@ -13,6 +13,7 @@ from cranectl.cli.main import NAMES, cli
 from cranectl.controllers.registry import controller_names
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.load import rig_names, scenario_names
+from tests.packages import install
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -90,13 +91,10 @@ finally:
         assert len(result.stdout.splitlines()) > 5
 
 
-def test_completion_works_with_a_broken_plugin_package() -> None:
-    site = Path("site", "spoilt-1.0.dist-info")
-    site.mkdir(parents=True)
-    site.joinpath("METADATA").write_text("Metadata-Version: 2.1\nName: spoilt\nVersion: 1.0\n", "utf-8")
-    site.joinpath("entry_points.txt").write_text("[cranectl.plants]\nmine = nowhere:MINE\n", "utf-8")
+def test_completion_works_with_a_broken_plugin_package(tmp_path: Path) -> None:
+    install(tmp_path, "spoilt", "", "[cranectl.plants]\nmine = nowhere:MINE\n")
     line = {"COMP_WORDS": "cranectl run x --plants ", "COMP_CWORD": "4"}
-    result = answer(["-m", "cranectl"], "bash_complete", PYTHONPATH=str(site.parent.absolute()), **line)
+    result = answer(["-m", "cranectl"], "bash_complete", PYTHONPATH=str(tmp_path), **line)
     assert result.stdout.strip() == result.stderr == ""
 
 

@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from tests.cli.option_cases import MANY, SHORT
-from tests.remedies import prepared
 
 ROOM = 4096  # [bytes] that a file may have, less than what any of the commands writes
 MAX_LINES = 8  # of progress, and of what was found, allowed and what to do
@@ -30,15 +28,6 @@ WRITERS = {
     "plot": "design lqr --plot design.svg",
     "export": "design lqr --scenario short.toml --fmu lqr.fmu",
 }
-
-prepared_files = prepared(
-    {"short.toml": f'name = "short"\n{SHORT}', "many.toml": MANY},
-    [
-        "run short.toml --plants analytic --every 1 --out one.mcap",
-        "run short.toml --plants mujoco --every 1 --out two.mcap",
-        "campaign run many.toml --out result",
-    ],
-)
 
 
 @contextmanager

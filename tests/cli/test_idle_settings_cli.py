@@ -1,19 +1,27 @@
-"""Each command reports settings and options that have no effect on its result."""
+"""Each command reports settings and options without effect, and effects of the rig that do not act."""
 
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
-import click
 import pytest
 
-from cranectl.cli.main import cli, main
+from cranectl.cli.main import main
+from cranectl.scenario.effects import EffectNumbers
 from cranectl.support.resources import Shipped
+from tests.cli.command_lines import commands
+from tests.cli.conftest import Command
 from tests.tools.benchmark.conftest import SHORT as SHORT_SCENARIO
 from tests.tools.benchmark.conftest import SMALL
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 SHORT = "--set duration=0.1 --set disturbances=[] --set reference.segments=[]"
+OURS = """
+name = "ours"
+duration = 0.1
+rig = "{}"
+[reference]
+start = [15.0, 10.0, -20.0]
+"""
 MESSAGES = [
     (f"run fixed-position --plants analytic {SHORT} --set rig.bridge_time_constant=0.03",
      "rig.bridge_time_constant changes nothing here: ideal drives have no lag"),
@@ -75,33 +83,58 @@ def test_a_command_reports_settings_without_effect(
 
 def test_every_command_with_settings_is_tested() -> None:
     """`benchmark report` is the exception: it has no settings of its own, but shows finished runs."""
-
-    def commands(command: click.Command, path: str = "") -> Iterator[str]:
-        if isinstance(command, click.Group):
-            for name, subcommand in command.commands.items():
-                yield from commands(subcommand, f"{path} {name}".strip())
-        elif {"overrides", "benchmark", "benchmark_name"} & {option.name for option in command.params}:
-            yield path
-
-    tested = [line for line, _ in MESSAGES]
-    untested = {path for path in commands(cli) if not any(line.startswith(path) for line in tested)}
+    settings = {"overrides", "benchmark", "benchmark_name"}
+    having = {name for name, command in commands() if settings & {option.name for option in command.params}}
+    untested = {name for name in having if not any(line.startswith(name) for line, _ in MESSAGES)}
     assert untested == {"benchmark report"}
 
 
-def test_shipped_scenarios_cause_no_message(capsys: pytest.CaptureFixture[str]) -> None:
+def test_shipped_scenarios_cause_no_message(output: Command) -> None:
     for command in (f"run fixed-position --plants analytic {SHORT}", "design lqr", "plan fixed-position"):
-        main(shlex.split(command))
-        assert "nothing here" not in capsys.readouterr().out
+        assert "nothing here" not in output(*command.split())
 
 
-def test_settings_of_a_file_for_other_commands_cause_no_message(capsys: pytest.CaptureFixture[str]) -> None:
+def test_settings_of_a_file_for_other_commands_cause_no_message(output: Command) -> None:
     """A setting that only another command reads is not reported; one that no run uses is."""
     Path("ours.toml").write_text(
         'name = "ours"\nduration = 0.1\nlog = { every = 2 }\n[design]\ninput_weight = 0.2\n'
         "[reference]\nstart = [0.5, 0.5, -0.7]\n"
     )
-    assert main(["plan", "ours.toml"]) == 0
-    assert "nothing here" not in capsys.readouterr().out
-    main(["run", "ours.toml", "--plants", "analytic"])
+    assert "nothing here" not in output("plan", "ours.toml")
     message = "ours: design.input_weight changes nothing here: pole-placement is designed without it"
-    assert message in capsys.readouterr().out
+    assert message in output("run", "ours.toml", "--plants", "analytic")
+
+
+@pytest.fixture
+def run_ours(output: Command) -> Command:
+    """Return a function that writes a scenario with a rig, and returns what its run prints."""
+
+    def run(rig: str, *options: str) -> str:
+        Path("ours.toml").write_text(OURS.format(rig))
+        return " ".join(output("run", "ours.toml", *options).split())
+
+    return run
+
+
+@pytest.mark.parametrize("name", EffectNumbers.model_fields)
+def test_the_suggested_options_add_the_effect(name: str, run_ours: Command) -> None:
+    Path("base.toml").write_text(f'extends = "harbour-crane"\n[effects.{name}]\n')
+    Path("crane.toml").write_text('extends = "base.toml"\n')
+    said, _, suggested = run_ours("crane.toml").partition("to add them, ")
+    assert f"ours: [effects.{name}] of the rig do not act in this run: " in said
+    options = suggested.partition(f"--set effects.{name}={{}}")
+    assert options[1]
+    assert "do not act" not in run_ours("crane.toml", *shlex.split("".join(options[:2])))
+
+
+def test_limits_suggest_drives_and_plants_that_have_them(run_ours: Command) -> None:
+    limits = "[effects.limits]\nvelocity = [1.0, 1.0, 0.5]\n"
+    Path("crane.toml").write_text(f'extends = "harbour-crane"\n{limits}')
+    options = "--drive velocity --plants elastic,mujoco --set effects.limits={}"
+    assert f"to add them, {options}" in run_ours("crane.toml")
+
+
+def test_a_shipped_rig_causes_no_message(run_ours: Command) -> None:
+    assert "do not act" not in run_ours("harbour-crane")
+    delayed = run_ours("harbour-crane", "--set", "rig.effects.delay.seconds=0.02")
+    assert "[effects.delay] of the rig" in delayed

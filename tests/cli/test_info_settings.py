@@ -1,15 +1,17 @@
 """`info` shows rigs and scenarios, and says of other files what they are."""
 
-import json
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.scenario.load import load_rig, rig_names, scenario_names
+from cranectl.scenario.load import load_rig, rig_names
 from cranectl.support.documents import TOML
+from tests.cli.conftest import Command, json_of
+from tests.cli.option_cases import MANY
 from tests.loaders.controller_files import LAW
+from tests.remedies import written
 
 YARD = """\
 bridge_range = [0.0, 60.0]
@@ -23,22 +25,11 @@ coulomb = [9000.0, 3000.0, 2000.0]
 MINE = """extends = "yard.toml"
 load_mass = 30e3
 """
-CAMPAIGN = """\
-name = "many"
-scenario = "fixed-position"
-controllers = ["lqr"]
-plants = ["analytic"]
-runs = 1
-[uncertain.rig.load_mass]
-distribution = "uniform"
-low = 0.8
-high = 1.2
-"""
 MAP = 'rig = "mine.toml"\ntime = { column = "t" }\n[signals]\n'
 FILES = {
     "yard.toml": YARD,
     "mine.toml": MINE,
-    "campaign.toml": CAMPAIGN,
+    "campaign.toml": MANY,
     "map.toml": MAP,
     "law.py": LAW,
     "process.toml": 'program = ["python", "law.py"]\n',
@@ -49,17 +40,8 @@ FILES = {
 }
 
 
-@pytest.fixture(autouse=True)
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name, text in FILES.items():
-        Path(name).write_text(text, encoding="utf-8")
-
-
-def info(*arguments: str) -> dict[str, Any]:
-    assert main(["info", *arguments, "--json", "info.json"]) == 0
-    facts: dict[str, Any] = json.loads(Path("info.json").read_text(encoding="utf-8"))
-    return facts
+files = written(FILES)
+info = partial(json_of, "info")
 
 
 def test_the_numbers_of_a_rig_and_where_they_come_from(capsys: pytest.CaptureFixture[str]) -> None:
@@ -101,17 +83,11 @@ def test_what_is_shown_is_the_rig_that_runs(name: str) -> None:
     assert set(info("whole.toml")["origins"].values()) == {"whole.toml"}
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_a_scenario_is_shown_by_its_name(name: str) -> None:
-    assert info(name)["scenario"]["name"] == name
-
-
-def test_a_scenario_of_a_file(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scenario_of_a_file(output: Command) -> None:
     assert main(["new", "scenario", "own"]) == 0
-    capsys.readouterr()
-    facts = info("own.toml", "--rig", "mine.toml", "--set", "limits.max_error_m=0.5")
-    assert facts["scenario"]["rig"]["load_mass"] == 30e3
-    said = capsys.readouterr().out
+    changed = ["own.toml", "--rig", "mine.toml", "--set", "limits.max_error_m=0.5"]
+    assert info(*changed)["scenario"]["rig"]["load_mass"] == 30e3
+    said = output("info", *changed)
     assert "max_error_m = 0.5" in said
     assert "rig.load_mass" in said
 
@@ -136,9 +112,8 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("words", OTHERS)
-def test_what_is_not_shown_is_named(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_is_not_shown_is_named(words: str, refusal: Command) -> None:
     found, remedy = OTHERS[words]
-    assert main(["info", *words.split()]) == 2
-    error = capsys.readouterr().err
+    error = refusal("info", *words.split())
     assert found in error
     assert remedy in error.split("remedy:")[1]

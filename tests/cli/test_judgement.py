@@ -1,13 +1,14 @@
 """All commands judge the agreement of plants with the same limits, for every rig, for runs and for logs."""
 
-import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from cranectl.cli.main import main
 from cranectl.compare.agreement import AgreementLimits, agreement_limits
 from tests.cli.arguments import STOP
+from tests.cli.conftest import json_of
 from tests.log.viewer import messages_of
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -19,13 +20,10 @@ OWN += ["--controller", "lqr", "--plants", "analytic,mujoco", "--drive", "veloci
 LOG = "logs/fast-diagonal/lqr-velocity.mcap"
 
 
-def judged(*arguments: str, code: int = 0) -> dict[str, object]:
+def judged(*arguments: str, code: int = 0) -> dict[str, Any]:
     """Return the agreement that a command writes as JSON."""
-    assert main([*arguments, "--json", "result.json"]) == code
-    result = json.loads(Path("result.json").read_text())
-    agreement = result["agreement"] if "agreement" in result else result["agreements"][0]
-    assert isinstance(agreement, dict)
-    return agreement
+    result = json_of(*arguments, code=code)
+    return result["agreement"] if "agreement" in result else result["agreements"][0]
 
 
 def test_an_own_rig_is_judged_with_the_same_limits() -> None:
@@ -49,8 +47,7 @@ def test_compare_has_the_exit_code_of_the_run(monkeypatch: pytest.MonkeyPatch) -
             lambda *_, **__: AgreementLimits(1e-16, 1e-16, 0.0, ""),
         )
         assert main(["run", *ideal]) == main(["compare", "a.mcap"]) == 1
-        assert main(["validate", *OWN, "--jobs", "1", "--json", "v.json"]) == 1
-        assert json.loads(Path("v.json").read_text())["passed"] is False
+        assert json_of("validate", *OWN, "--jobs", "1", code=1)["passed"] is False
     assert main(["run", *ideal, *STOP]) == 3
     assert judged("compare", "a.mcap", code=1)["passed"] is True, (
         "the plants agree although both stop unexpectedly"

@@ -7,6 +7,7 @@ import pytest
 
 from cranectl.campaign.settings import read_campaign
 from cranectl.cli.main import main
+from tests.cli.conftest import Command
 from tests.remedies import Case, remedy_test, written
 
 FILES = {
@@ -129,19 +130,15 @@ test_a_remedy_works_on_the_refused_input = remedy_test(CASES, RUN)
         "effects.limits.velocity=1",
     ],
 )
-def test_the_remedy_of_a_list_can_be_typed(wrong: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_remedy_of_a_list_can_be_typed(wrong: str, refusal: Command) -> None:
     """As a shell takes it: the option of the remedy, in place of the wrong one."""
-    drives = ["cranectl", "run", "s.toml", "--plants", "mujoco", "--drive", "velocity"]
-    assert main([*drives[1:], "--set", wrong]) == 2
-    error = capsys.readouterr().err
-    option = re.search("remedy: .*(--set .*)", error)
-    assert option is not None, error
-    assert main([*drives[1:], *shlex.split(option[1])]) == 0, option[1]
+    run = ["run", "s.toml", "--plants", "mujoco", "--drive", "velocity"]
+    (option,) = re.findall("remedy: .*(--set .*)", refusal(*run, "--set", wrong))
+    assert main([*run, *shlex.split(option)]) == 0, option
 
 
-def test_the_remedy_of_a_list_of_a_campaign_can_be_typed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["campaign", "run", "two-plants", "--set", "plants=analytic"]) == 2
-    option = re.search("remedy: .*(--set .*)", capsys.readouterr().err)
-    assert option is not None
-    words = shlex.split(option[1])[1]
+def test_the_remedy_of_a_list_of_a_campaign_can_be_typed(refusal: Command) -> None:
+    error = refusal("campaign", "run", "two-plants", "--set", "plants=analytic")
+    (option,) = re.findall("remedy: .*(--set .*)", error)
+    words = shlex.split(option)[1]
     assert read_campaign("two-plants", overrides=[words]) == read_campaign("two-plants")

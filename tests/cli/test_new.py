@@ -6,7 +6,6 @@ import shlex
 import subprocess
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
@@ -16,6 +15,7 @@ from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
 from cranectl.loaders.opening import close_controllers
+from tests.cli.conftest import Command
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -39,7 +39,7 @@ def test_new_writes_complete_examples() -> None:
             assert problems(kind, written[f"{stem}.toml"]) == []
 
 
-def test_new_replaces_no_file_and_checks_names(capsys: pytest.CaptureFixture[str]) -> None:
+def test_new_replaces_no_file_and_checks_names(refusal: Command) -> None:
     Path("test_mine.py").write_text("old content")
     for arguments, message in (
         (["scenario", "mine"], "test_mine.py exists"),
@@ -47,19 +47,17 @@ def test_new_replaces_no_file_and_checks_names(capsys: pytest.CaptureFixture[str
         (["motor", "mine"], "'motor' is not one of"),
         (["rig", "other", "--in", "test_mine.py"], "test_mine.py"),
     ):
-        assert main(["new", *arguments]) == 2
-        assert message in capsys.readouterr().err
+        assert message in refusal("new", *arguments)
     assert [path.name for path in Path().iterdir()] == ["test_mine.py"]
     assert Path("test_mine.py").read_text() == "old content"
 
 
 @pytest.mark.parametrize("is_there", [True, False])
 def test_new_says_what_its_test_needs(
-    is_there: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    is_there: bool, monkeypatch: pytest.MonkeyPatch, output: Command
 ) -> None:
     monkeypatch.setattr(new, "find_spec", lambda name: object() if is_there and name == "pytest" else None)
-    assert main(["new", "rig", "yard-crane"]) == 0
-    assert ("python -m pip install pytest" in capsys.readouterr().out) != is_there
+    assert ("python -m pip install pytest" in output("new", "rig", "yard-crane")) != is_there
 
 
 def typed(command: str) -> int:
@@ -70,17 +68,15 @@ def typed(command: str) -> int:
 
 @pytest.mark.parametrize("kind", ["c-controller", "generated-controller"])
 def test_the_commands_that_compile_and_run_a_controller_can_be_typed(
-    kind: str, capsys: pytest.CaptureFixture[str]
+    kind: str, output: Command, refusal: Command, capsys: pytest.CaptureFixture[str]
 ) -> None:
     close_controllers()
-    assert main(["new", kind, "servo", "--in", "crane's laws"]) == 0
-    output = capsys.readouterr().out
-    (compiles,) = re.findall("compile it: (cc .*)", output)
-    (runs,) = re.findall("run it: (cranectl .*)", output)
+    text = output("new", kind, "servo", "--in", "crane's laws")
+    (compiles,) = re.findall("compile it: (cc .*)", text)
+    (runs,) = re.findall("run it: (cranectl .*)", text)
     source = Path("crane's laws/servo.c")
     assert main(shlex.split(runs)[1:]) == 2, "it is not compiled yet"
-    assert main(["run", "fast-diagonal", "--controller", str(source)]) == 2
-    error = capsys.readouterr().err
+    error = refusal("run", "fast-diagonal", "--controller", str(source))
     assert f"{source} is the source of a controller" in error
     assert compiles in error
     assert typed(compiles) == 0
@@ -101,9 +97,8 @@ def test_the_commands_that_compile_and_run_a_controller_can_be_typed(
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_the_shipped_schemas_are_up_to_date(document: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["list", "--schema", document]) == 0
-    printed: dict[str, Any] = json.loads(capsys.readouterr().out)
+def test_the_shipped_schemas_are_up_to_date(document: str, output: Command) -> None:
+    printed = json.loads(output("list", "--schema", document))
     Draft202012Validator.check_schema(printed)
     shipped = ROOT / "validation" / "schemas" / f"{document}.json"
     assert json.loads(shipped.read_text()) == printed, "run python docs/reference_pages.py --write"

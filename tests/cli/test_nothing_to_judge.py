@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import cranectl
-from cranectl.cases import Case
-from cranectl.cases.assertions import CaseRuns, assert_agree, assert_limits
-from cranectl.cli.main import ELSEWHERE, main
+from cranectl.cli.main import ELSEWHERE
 from cranectl.compare import Tolerances
 from cranectl.log.reader import read_log
-from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
+from tests.cli.conftest import Command
+from tests.cli.test_key_remedies_rules import BENCHMARK
 from tests.remedies import prepared
+from tests.tools.benchmark.conftest import SHORT
 
 pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
@@ -33,7 +33,7 @@ uncertain.rig.load_mass = {distribution = "uniform", low = 0.5, high = 2.0}
 """
 RUN = "run still.toml --every 1 --out"
 prepared_files = prepared(
-    {"still.toml": SCENARIO, "c.toml": CAMPAIGN},
+    {"still.toml": SCENARIO, "c.toml": CAMPAIGN, "short.toml": SHORT, "small.toml": BENCHMARK},
     [
         f"{RUN} two.mcap",
         *(f"{RUN} {plant}.mcap --plants {plant}" for plant in ("analytic", "mujoco")),
@@ -77,8 +77,8 @@ NOTHING: dict[str, list[tuple[str, str]]] = {
         ("campaign report none", "none is not finished"),
     ],
     "benchmark": [
-        ("benchmark report empty", "empty"),
-        ("benchmark run --scenario no --out b", "scenario"),
+        ("benchmark report empty --benchmark small.toml", "empty"),
+        ("benchmark run small.toml --scenario no --out b", "scenario"),
     ],
     "identify": [("identify two.mcap two.mcap two.mcap --rig lab-rig", "two.mcap has no measured run")],
 }
@@ -113,17 +113,13 @@ def test_every_command_that_judges_is_listed() -> None:
 @pytest.mark.parametrize(
     ("line", "said"), [pytest.param(*case, id=case[0]) for cases in NOTHING.values() for case in cases]
 )
-def test_nothing_to_judge_is_bad_input(line: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(line.split()) == 2
-    captured = capsys.readouterr()
-    assert said in captured.err
-    assert "passed" not in captured.out
+def test_nothing_to_judge_is_bad_input(line: str, said: str, refusal: Command) -> None:
+    assert said in refusal(*line.split())
 
 
-def test_a_plan_without_a_proof_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_without_a_proof_says_so(output: Command) -> None:
     """It shows when segments begin, and judges nothing."""
-    assert main(["plan", "still.toml"]) == 0
-    assert "nothing is proven" in capsys.readouterr().out
+    assert "nothing is proven" in output("plan", "still.toml")
 
 
 def test_signals_without_a_number_are_no_pass() -> None:
@@ -140,15 +136,3 @@ def test_signals_without_a_number_are_no_pass() -> None:
     empty = replace(run, table=np.full_like(run.table, np.nan), reference=np.full_like(run.reference, np.nan))
     with pytest.raises(InputError, match="no signal of mujoco has a finite number in either log"):
         limits.judge(empty, empty)
-
-
-def test_assertions_about_nothing_are_refused() -> None:
-    """Nor does the pytest plugin take a run of one plant for agreement, or no limit for one that is kept."""
-    scenario = load_scenario("still.toml")
-    alone = CaseRuns(Case.of(scenario, controller="lqr", plants=("analytic",)))
-    with pytest.raises(InputError, match="a run of analytic only"):
-        assert_agree(alone)
-    with pytest.raises(InputError, match="no limit for the run of analytic"):
-        assert_limits(alone)
-    with pytest.raises(AssertionError, match="only golden or only new: mujoco"):
-        alone.assert_regression(Path("two.mcap"), "exact")

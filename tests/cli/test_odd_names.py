@@ -11,10 +11,9 @@ import click
 import pytest
 
 from cranectl.cli.command import short_names
-from cranectl.cli.main import cli, main
-from tests.cli.option_cases import MANY, SHORT
+from cranectl.cli.main import main
+from tests.cli.command_lines import LINES, commands
 from tests.ranges import share_of
-from tests.remedies import prepared
 
 NAMES = {
     "long": "x" * 300,
@@ -33,37 +32,6 @@ NAMES = {
     "loop": "loop.toml",
     "empty": "",
 }
-# What each command needs besides the argument that is odd; quick, or refused for the odd argument first.
-LINES = {
-    "benchmark run": "--controller lqr-integral",
-    "benchmark report": "nothing.csv",
-    "campaign list": "",
-    "campaign show": "many.toml",
-    "campaign run": "many.toml --out other",
-    "campaign report": "result",
-    "campaign replay": "result",
-    "certify": "lqr --scenario short.toml",
-    "compare": "one.mcap",
-    "design": "lqr --scenario short.toml",
-    "identify": "one.mcap --rig lab-rig",
-    "info": "one.mcap",
-    "ladder": "short.toml --controller lqr",
-    "list": "",
-    "live": "short.toml --plants analytic",
-    "log import": "one.csv --map one.toml",
-    "log export": "one.mcap --format csv --out csv",
-    "log layout": "single view.json",
-    "log overlay": "one.mcap one.mcap --out over.mcap",
-    "log recover": "one.mcap --out recovered.mcap",
-    "new": "rig yard",
-    "plan": "short.toml",
-    "render": "one.mcap one.png",
-    "report": "one.mcap --out page.html",
-    "run": "short.toml --plants analytic --out own.mcap",
-    "thesis": "--json thesis.json",
-    "tune": "lqr-integral",
-    "validate": "short.toml --plants analytic --controller lqr --jobs 1",
-}
 # Texts for people, and no names.
 TEXTS = ("--set", "--label", "--size", "--allow-origin")
 # Commands that take long where a name is a good one; those that read all results of a benchmark always do.
@@ -71,15 +39,6 @@ LONG = ("tune", "report --figures", "design --export", "live", "benchmark run", 
 READS_RESULTS = ("benchmark report", "benchmark run --tuned")
 REFUSED = ("long", "long-below", "long-path", "null", "below-a-file", "below-a-device", "unwritable")
 NUMBERS = (click.types.BoolParamType, click.types.IntParamType, click.types.FloatParamType, click.Tuple)
-
-
-def commands(command: click.Command, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
-    """Yield each command by its name."""
-    if isinstance(command, click.Group):
-        for name, part in command.commands.items():
-            yield from commands(part, (*path, name))
-    else:
-        yield " ".join(path), command
 
 
 def names_of(command: click.Command) -> Iterator[str]:
@@ -110,7 +69,7 @@ def line_of(command: str, parameter: str, value: str) -> list[str]:
 
 
 ALWAYS_TESTED = ("benchmark report 0 long", "benchmark run --out long")  # which once failed
-PARAMETERS = [(name, parameter) for name, command in commands(cli) for parameter in names_of(command)]
+PARAMETERS = [(name, parameter) for name, command in commands() for parameter in names_of(command)]
 CASES = [
     (f"{name} {parameter} {odd}", name, parameter, odd)
     for name, parameter in PARAMETERS
@@ -119,14 +78,9 @@ CASES = [
     and (f"{name} {parameter} {odd}" in ALWAYS_TESTED or not f"{name} {parameter}".startswith(READS_RESULTS))
 ]
 
-prepared_files = prepared(
-    {"short.toml": f'name = "short"\n{SHORT}', "many.toml": MANY, "folder/file": "", "folder.toml/file": ""},
-    ["run short.toml --plants analytic --out one.mcap", "campaign run many.toml --out result"],
-)
-
 
 def test_every_command_is_tested() -> None:
-    assert set(LINES) == {name for name, _ in commands(cli)}
+    assert set(LINES) == {name for name, _ in commands()}
     assert len(PARAMETERS) > 100
 
 

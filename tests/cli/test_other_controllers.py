@@ -6,6 +6,7 @@ import pytest
 
 from cranectl import read_log
 from cranectl.cli.main import main
+from tests.cli.conftest import Command
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
@@ -24,13 +25,12 @@ pid.shaper = "none"
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_all_commands_handle_controllers_outside_the_flat_family(
-    name: str, capsys: pytest.CaptureFixture[str]
+    name: str, output: Command, capsys: pytest.CaptureFixture[str]
 ) -> None:
     offset = ["--set", "initial.load_offset=[0.01,0.0,0.0]"]
     run = ["run", "fixed-position", "--controller", name, "--drive", "velocity", *SHORT, *offset]
-    assert main(run) == 0
+    assert "not judged" not in output(*run)
     log = f"logs/fixed-position/{name}-velocity.mcap"
-    assert "not judged" not in capsys.readouterr().out
     logged = read_log(log)["mujoco"]
     assert logged.design.axis_design is None
     assert logged.design.name == name
@@ -53,18 +53,10 @@ def test_all_commands_handle_controllers_outside_the_flat_family(
     assert Path("a.html").read_text().count("<svg") == 10, "no figure of the linear input v"
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "design NAME --plot a.svg",
-    ],
-)
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_commands_that_need_a_linear_design_refuse_the_controller(
-    command: str, name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(command.replace("NAME", name).split()) == 2
-    assert f"'{name}' has no linear design of one axis of the load" in capsys.readouterr().err
+def test_a_plot_of_the_linear_design_is_refused(name: str, refusal: Command) -> None:
+    error = refusal("design", name, "--plot", "a.svg")
+    assert f"'{name}' has no linear design of one axis of the load" in error
 
 
 def test_parameters_come_from_file_and_command_line() -> None:
@@ -78,6 +70,5 @@ def test_parameters_come_from_file_and_command_line() -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "live", "ladder"])
-def test_an_empty_controller_name_is_refused(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([command, "fixed-position", "--controller", ""]) == 2
-    assert "unknown controller ''" in capsys.readouterr().err
+def test_an_empty_controller_name_is_refused(command: str, refusal: Command) -> None:
+    assert "unknown controller ''" in refusal(command, "fixed-position", "--controller", "")

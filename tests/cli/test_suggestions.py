@@ -1,10 +1,10 @@
 """Every suggested command works when it is copied into a shell, whatever the names of the files are."""
 
 import errno
+import html
 import re
 import shlex
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,16 +16,16 @@ from cranectl.loaders.opening import close_controllers
 from cranectl.log.reader import read_log
 from cranectl.log.writer import unfinished
 from cranectl.support.resources import Shipped
+from tests.cli.conftest import Command
+from tests.cli.option_cases import SHORT
 from tests.cli.suggestions import commands_of_page, execute, suggested_commands
 from tests.loaders.controller_files import LAW
+from tests.remedies import prepared
+
+pytestmark = pytest.mark.usefixtures("in_copy_of_files")
 
 CONTROLLER_FILE = "crane's laws/own law.py"
-SHIP = """\
-name = "ship"
-duration = 0.3
-reference = { start = [1.0, 0.77, -0.7] }
-limits = { max_error_m = 0.0 }
-"""
+SHIP = f'name = "ship"\n{SHORT}limits = {{ max_error_m = 0.0 }}\n'
 MANY = f"""\
 name = "many"
 scenario = "the ship.toml"
@@ -41,16 +41,14 @@ ON = ["--plants", "analytic", "--drive", "ideal", "--set", "initial.load_offset=
 OWN = ["--controller", f"{CONTROLLER_FILE}:BridgeServo"]
 
 
-@pytest.fixture(autouse=True)
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Write files whose names a shell would split."""
-    monkeypatch.chdir(tmp_path)
-    Path(CONTROLLER_FILE).parent.mkdir()
-    Path(CONTROLLER_FILE).write_text(LAW)
-    Path("the ship.toml").write_text(SHIP)
-    Path("many ships.toml").write_text(MANY)
-    yield
+def run_campaign() -> None:
+    assert main(["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]) == 0
     close_controllers()
+
+
+# A shell would split the names of these files.
+FILES = {CONTROLLER_FILE: LAW, "the ship.toml": SHIP, "many ships.toml": MANY}
+prepared_files = prepared(FILES, [], run_campaign)
 
 
 @pytest.mark.parametrize("keep", ["failed", "none"])
@@ -82,19 +80,10 @@ def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixtu
         assert execute(command) == 0, command
 
 
-def test_the_layout_command_for_a_larger_rig_works(capsys: pytest.CaptureFixture[str]) -> None:
-    """The command reads the size of the crane from the log."""
-    larger = [*ON, "--set", "rig.rope_range=[0.1, 3.0]"]
-    main(["run", "the ship.toml", *larger, "--out", "a log.mcap"])
-    (command,) = suggested_commands(capsys.readouterr().out)
-    assert "--log 'a log.mcap'" in command
-    assert execute(command) == 0
-
-
-def test_commands_that_a_ladder_suggests_work(capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_that_a_ladder_suggests_work(output: Command) -> None:
     settings = ["--set", "rig.load_mass=1.5", *ON[-2:], "--top", "sampled"]
-    assert main(["ladder", "the ship.toml", *OWN, *settings, "--report", "a page.html"]) == 0
-    commands = [*suggested_commands(capsys.readouterr().out), *commands_of_page(Path("a page.html"))]
+    said = output("ladder", "the ship.toml", *OWN, *settings, "--report", "a page.html")
+    commands = [*suggested_commands(said), *commands_of_page(Path("a page.html"))]
     assert [command.split()[1] for command in commands] == ["log", "ladder"]
     before = Path("a page.html").read_bytes()
     for command in commands:
@@ -102,13 +91,9 @@ def test_commands_that_a_ladder_suggests_work(capsys: pytest.CaptureFixture[str]
     assert Path("a page.html").read_bytes() == before, "the suggested command loses a setting"
 
 
-def test_commands_that_a_campaign_report_suggests_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
-    assert main(run) == 0
-    (tmp_path / "elsewhere").mkdir()
-    for folder, result in ((tmp_path, "the result"), (tmp_path / "elsewhere", "../the result")):
+def test_commands_that_a_campaign_report_suggests_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("elsewhere").mkdir()
+    for folder, result in ((".", "the result"), ("elsewhere", "../the result")):
         monkeypatch.chdir(folder)
         close_controllers()
         assert main(["campaign", "report", result, "--out", "a page.html"]) == 0
@@ -121,42 +106,29 @@ def test_commands_that_a_campaign_report_suggests_work(
 
 
 @pytest.mark.parametrize("state", ["missing", "damaged"])
-def test_the_command_that_completes_a_result_works(state: str, capsys: pytest.CaptureFixture[str]) -> None:
-    run = ["campaign", "run", "many ships.toml", "--trust", "--out", "the result", "--overwrite"]
-    assert main(run) == 0
+def test_the_command_that_completes_a_result_works(state: str, refusal: Command) -> None:
     part = sorted(Path("the result", PARTS).iterdir())[-1]
     content = part.read_bytes()
     if state == "missing":
         part.unlink()
-        close_controllers()
         assert main(["campaign", "report", "the result", "--unfinished", "--out", "a page.html"]) == 0
-        (command,) = re.findall(
-            r"Complete the result with (cranectl [^<]*--resume)", Path("a page.html").read_text()
-        )
-        assert (
-            command
-            == "cranectl campaign run &#39;many ships.toml&#39; --trust --out &#39;the result&#39; --resume"
-        )
+        page = html.unescape(Path("a page.html").read_text())
+        (command,) = re.findall(r"Complete the result with (cranectl [^<]*--resume)", page)
+        assert command == "cranectl campaign run 'many ships.toml' --trust --out 'the result' --resume"
     else:
         part.write_bytes(content[:-100])
     close_controllers()
-    capsys.readouterr()
-    assert main(["campaign", "report", "the result"]) == 2
-    (command,) = suggested_commands(capsys.readouterr().err)
+    (command,) = suggested_commands(refusal("campaign", "report", "the result"))
     assert execute(command) == 0
     assert part.read_bytes() == content
     assert main(["campaign", "report", "the result"]) == 0
 
 
-def test_the_command_that_recovers_a_log_works(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_that_recovers_a_log_works(refusal: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     main(["run", "the ship.toml", *ON, "--out", "a log.mcap", "--every", "1"])
     part = Path("a log.mcap").rename("a log.mcap.4711.part")
     part.write_bytes(part.read_bytes()[:-200])
-    capsys.readouterr()
-    assert main(["info", str(part)]) == 2
-    (command,) = suggested_commands(capsys.readouterr().err)
+    (command,) = suggested_commands(refusal("info", str(part)))
     monkeypatch.setattr("cranectl.log.writer.CHUNK_SIZE", 1000)
     cut_short = unfinished(Path("a log.mcap"), part, OSError(errno.ENOSPC, "full"), remedy="")
     assert suggested_commands(cut_short.remedy) == [command]
@@ -164,32 +136,26 @@ def test_the_command_that_recovers_a_log_works(
     assert read_log("a log.mcap")
 
 
-def test_the_test_command_of_a_template_names_its_file(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["new", "scenario", "first-move", "--in", "new files"]) == 0
-    (command,) = re.findall("try it: (.*)", capsys.readouterr().out)
+def test_the_test_command_of_a_template_names_its_file(output: Command) -> None:
+    said = output("new", "scenario", "first-move", "--in", "new files")
+    (command,) = re.findall("try it: (.*)", said)
     assert command == "python -m pytest 'new files/test_first_move.py'"
     assert Path("new files/test_first_move.py").is_file()
 
 
-def test_controllers_without_linear_model_are_judged_by_simulation(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["certify", "pid"]) == 2
-    assert "judge it by simulation: cranectl ladder, cranectl campaign" in capsys.readouterr().err
+def test_controllers_without_linear_model_are_judged_by_simulation(refusal: Command) -> None:
+    assert "judge it by simulation: cranectl ladder, cranectl campaign" in refusal("certify", "pid")
     assert main(["ladder", "the ship.toml", "--controller", "pid", *ON[-2:], "--top", "sampled"]) == 0
     many = ["many ships.toml", "--controller", "pid", "--out", "a result"]
     assert main(["campaign", "run", *many]) == 0
 
 
-def test_info_explains_a_run_without_samples(capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_explains_a_run_without_samples(output: Command, refusal: Command) -> None:
     Path("law.py").write_text("def stops(parameters, measured, reference, memory, command):\n    return -1\n")
     run = ["run", "the ship.toml", "--controller", "law.py:stops", "--plants", "analytic"]
     assert main([*run, "--out", "a log.mcap"]) == 3
-    capsys.readouterr()
-    assert main(["render", "a log.mcap", "a picture.png"]) == 2
-    assert "cranectl info says why a run stopped" in capsys.readouterr().err
-    assert main(["info", "a log.mcap"]) == 0
-    assert "controller-failed" in capsys.readouterr().out
+    assert "cranectl info says why a run stopped" in refusal("render", "a log.mcap", "a picture.png")
+    assert "controller-failed" in output("info", "a log.mcap")
 
 
 @pytest.mark.parametrize("plants", ["mujoco", "analytic,elastic", "my crane.xml"])

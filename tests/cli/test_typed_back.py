@@ -27,6 +27,7 @@ from cranectl.support.resources import Shipped
 from cranectl.tools.robustness.certificate.conservatism import LargestValues
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
 from cranectl.tools.robustness.report.tables import limit_table
+from tests.cli.conftest import Command
 from tests.ranges import ALL, ends
 
 MANY = 400 if ALL else 25
@@ -35,16 +36,6 @@ PLANTS = ("analytic", "elastic", "mujoco")
 STILL = 'name = "still"\nduration = 0.05\nreference.start = [1.0, 0.77, -0.7]\n'
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
-
-
-def output(capsys: pytest.CaptureFixture[str], line: str, code: int = 0) -> str:
-    """Return what a command prints on both streams; it must end with `code`."""
-    capsys.readouterr()
-    ended = main(shlex.split(line))
-    captured = capsys.readouterr()
-    text: str = captured.out + captured.err
-    assert ended == code, f"{line}\n{text}"
-    return text
 
 
 def rows(text: str) -> dict[str, str]:
@@ -67,12 +58,10 @@ def random_rigs() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("name", "content"), random_rigs(), ids=lambda text: text.partition("\n")[0])
-def test_a_rig_that_is_shown_can_be_written(
-    name: str, content: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rig_that_is_shown_can_be_written(name: str, content: str, output: Command) -> None:
     if name != content:
         Path(name := f"{name}.toml").write_text(content)
-    shown = rows(output(capsys, f"info {name}"))
+    shown = rows(output("info", name))
     numbers = {key: value for key, value in shown.items() if key != "number"}
     assert len(numbers) > 40
     Path("typed.toml").write_text("".join(f"{key} = {as_toml(value)}\n" for key, value in numbers.items()))
@@ -98,31 +87,30 @@ def models() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("name", "text"), models(), ids=lambda text: text[:9].strip("<!-\n "))
-def test_the_rig_lines_of_a_model_run_it(name: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_rig_lines_of_a_model_run_it(name: str, text: str, output: Command) -> None:
     Path(f"{name}.xml").write_text(text)
-    told = output(capsys, f"info {name}.xml --as-is").partition("rig file")[2]
+    told = output("info", f"{name}.xml", "--as-is").partition("rig file")[2]
     lines = [line.strip() for line in told.splitlines()[1:] if " = " in line or "[plant" in line]
     assert len(lines) >= 9
     Path("rig.toml").write_text("\n".join(lines) + "\n")
     Path("still.toml").write_text(STILL)
-    plants = f"--plants analytic,{name}.xml --drive velocity"
-    output(capsys, f"run still.toml --rig rig.toml {plants} --controller lqr --out new.mcap")
+    options = f"--rig rig.toml --plants analytic,{name}.xml --drive velocity --controller lqr"
+    assert main(["run", "still.toml", *options.split(), "--out", "new.mcap"]) == 0
 
 
-def test_names_that_are_listed_are_accepted(capsys: pytest.CaptureFixture[str]) -> None:
+def test_names_that_are_listed_are_accepted(output: Command) -> None:
     """The list on the screen has no fewer than the registries."""
-    text = output(capsys, "list")
-    shown = dict(re.findall(r"^ ?([\w+-]+) {2,}(\S.*?)(?: {2,}|$)", text, re.MULTILINE))
+    shown = dict(re.findall(r"^ ?([\w+-]+) {2,}(\S.*?)(?: {2,}|$)", output("list"), re.MULTILINE))
     assert {*scenario_names(), *controller_names()} <= shown.keys()
     assert shown["rigs"].split(", ") == rig_names()
     assert shown["drives"].split(", ") == list(DRIVES)
-    for name in shown["rigs"].split(", "):
-        output(capsys, f"info {name}")
-    for name in scenario_names():
-        output(capsys, f"info {name}")
+    for name in (*shown["rigs"].split(", "), *scenario_names()):
+        assert name in output("info", name)
     Path("still.toml").write_text(STILL)
     for name in shown["drives"].split(", "):
-        output(capsys, f"run still.toml --drive {name} --plants analytic --controller lqr")
+        assert (
+            main(["run", "still.toml", "--drive", name, "--plants", "analytic", "--controller", "lqr"]) == 0
+        )
 
 
 def typed(remedy: str) -> tuple[list[str], str, list[str]]:
@@ -212,23 +200,20 @@ def test_times_that_are_proposed_fit_to_the_nanosecond(seed: int) -> None:
     assert follow("still.toml", "lab-rig", settings, "velocity", ["analytic"], "lqr") == ""
 
 
-def test_periods_of_an_experiment_may_be_the_bounds(capsys: pytest.CaptureFixture[str]) -> None:
-    text = output(capsys, "new experiment lab-rig --period 500 --in no", 2)
-    found = re.search(r"periods from (\S+) to (\S+) s", text)
+def test_periods_of_an_experiment_may_be_the_bounds(refusal: Command) -> None:
+    experiment = ["new", "experiment", "lab-rig", "--period"]
+    found = re.search(r"periods from (\S+) to (\S+) s", refusal(*experiment, "500", "--in", "no"))
     assert found is not None
-    longest = found[2]
-    output(capsys, f"new experiment lab-rig --period {longest} --in longest")
-    output(capsys, f"new experiment lab-rig --period {1.1 * float(longest)!r} --in no", 2)
+    assert main([*experiment, found[2], "--in", "longest"]) == 0
+    refusal(*experiment, repr(1.1 * float(found[2])), "--in", "no")
 
 
 @pytest.mark.parametrize("weight", [0.013, 0.1, 0.77])
-def test_the_smallest_gamma_is_a_gamma(weight: float, capsys: pytest.CaptureFixture[str]) -> None:
-    design = f"design lqr+hinf --set design.hinf.control_weight={weight * 1e-3!r}"
-    found = re.search(
-        r"gamma of at least (\S+),", output(capsys, f"{design} --set design.hinf.gamma=1e-3", 2)
-    )
+def test_the_smallest_gamma_is_a_gamma(weight: float, refusal: Command) -> None:
+    design = ["design", "lqr+hinf", "--set", f"design.hinf.control_weight={weight * 1e-3!r}", "--set"]
+    found = re.search(r"gamma of at least (\S+),", refusal(*design, "design.hinf.gamma=1e-3"))
     assert found is not None
-    output(capsys, f"{design} --set design.hinf.gamma={found[1]}")
+    assert main([*design, f"design.hinf.gamma={found[1]}"]) == 0
 
 
 @pytest.mark.parametrize("value", [0.0276, 0.02749, 0.1204, 0.3])

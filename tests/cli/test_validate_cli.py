@@ -17,26 +17,19 @@ from cranectl.log.reader import read_log
 from cranectl.report.table import Table
 from cranectl.simulate import Run
 from cranectl.support.resources import Shipped
+from tests.cli.conftest import Command, json_of
+from tests.cli.option_cases import SHORT
+from tests.remedies import written
 from tests.report.test_report import read_page
 
-pytestmark = pytest.mark.usefixtures("in_empty_directory")
-
-GOOD = """\
-name = "good"
-duration = 0.3
-reference = { start = [1.0, 0.77, -0.7] }
-"""
+GOOD = f'name = "good"\n{SHORT}'
 # The loop is unstable when the robustifier is sampled with 0.1 s.
 UNSTABLE = GOOD.replace("good", "unstable") + "control = { period = 0.1, physics_step = 0.001 }\n"
 OPTIONS = ["--controller", "lqr+hinf", "--drive", "ideal", "--json", "result.json"]
 
 
-@pytest.fixture(autouse=True)
-def scenarios(tmp_path: Path) -> None:
-    (tmp_path / "good.toml").write_text(GOOD)
-    (tmp_path / "also.toml").write_text(GOOD)
-    (tmp_path / "unstable.toml").write_text(UNSTABLE)
-    (tmp_path / "broken.toml").write_text("name = 'broken'\nduration =")
+BROKEN = "name = 'broken'\nduration ="
+scenarios = written({"good.toml": GOOD, "also.toml": GOOD, "unstable.toml": UNSTABLE, "broken.toml": BROKEN})
 
 
 def shipped(name: str) -> str:
@@ -46,15 +39,11 @@ def shipped(name: str) -> str:
 @pytest.mark.parametrize(
     "pair", [("good.toml", "also.toml"), ("good.toml", "./good.toml"), ("slack-rope", shipped("slack-rope"))]
 )
-def test_scenarios_with_the_same_name_are_refused(
-    pair: tuple[str, str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["validate", *pair, *OPTIONS]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert f"{pair[0]} and {pair[1]} would share the log logs/" in captured.err
-    assert "allowed: " in captured.err
-    assert "remedy: " in captured.err
+def test_scenarios_with_the_same_name_are_refused(pair: tuple[str, str], refusal: Command) -> None:
+    error = refusal("validate", *pair, *OPTIONS)
+    assert f"{pair[0]} and {pair[1]} would share the log logs/" in error
+    assert "allowed: " in error
+    assert "remedy: " in error
     assert not Path("logs").exists(), "the clash was found only after a run"
 
 
@@ -84,13 +73,11 @@ def test_invalid_scenarios_do_not_prevent_the_others(jobs: str, capsys: pytest.C
     assert len(read_log("logs/good/lqr+hinf-ideal.mcap")) == 3
 
 
-def test_a_common_reason_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_common_reason_is_printed_once(refusal: Command) -> None:
     text = GOOD.replace("start = [1.0, 0.77, -0.7]", "start = [1.0, 0.77, 0.7]")
     Path("above.toml").write_text(text.replace("good", "above"))
-    assert main(["validate", "above.toml", "--json", "result.json", "--jobs", "1"]) == 2
-    captured = capsys.readouterr()
-    assert captured.out == "", "something was run"
-    assert captured.err.count("could not be run") == 1
+    error = refusal("validate", "above.toml", "--json", "result.json", "--jobs", "1")
+    assert error.count("could not be run") == 1
     assert json.loads(Path("result.json").read_text())["failed"]
 
 
@@ -105,18 +92,15 @@ def test_an_unforeseen_error_gives_no_verdict(
         return simulate(*arguments, **options)
 
     monkeypatch.setattr(case, "simulate_run", fail_with_velocity_drives)
-    assert (
-        main(["validate", "good.toml", "--controller", "lqr", "--jobs", "1", "--json", "result.json"]) == 70
-    )
+    options = ["validate", "good.toml", "--controller", "lqr", "--jobs", "1"]
+    result = json_of(*options, code=70)
     captured = capsys.readouterr()
     assert "good.toml, lqr, velocity: unforeseen\nZeroDivisionError: of our own making\n" in captured.err
     assert "Traceback" not in captured.err
     assert "validation FAILED" in captured.out
-    result = json.loads(Path("result.json").read_text())
     assert [run["drive"] for run in result["runs"]] == ["ideal"] * 3
     assert [failure["bad_input"] for failure in result["failed"]] == [False]
-    options = ["--controller", "lqr", "--drive", "velocity", "--jobs", "1", "--traceback"]
-    assert main(["validate", "good.toml", *options]) == 70
+    assert main([*options, "--drive", "velocity", "--traceback"]) == 70
     assert "Traceback (most recent call last)" in capsys.readouterr().err
 
 
@@ -136,16 +120,14 @@ def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     write_variant("strict", LIMITS.format(0.0))
     write_variant("mild", LIMITS.format(1.0))
     write_variant("wrong", LIMITS.format(1.0).replace("max_error_m", "max_eror_m"))
-    options = ["--controller", "lqr", "--json", "result.json"]
+    options = ["--controller", "lqr"]
     for name, code in (("mild", 0), ("strict", 1)):
         log, kept = f"logs/{name}/lqr-ideal.mcap", f"{2 - code} of 2 limits kept"
-        assert main(["run", f"{name}.toml", *OFFSET, *options]) == code
-        data = json.loads(Path("result.json").read_text())
+        data = json_of("run", f"{name}.toml", *OFFSET, *options, code=code)
         assert (data["plants_agree"], data["limits_kept"]) == (True, code == 0)
         metrics = [[limit["metric"] for limit in run["limits"]] for run in data["runs"]]
         assert metrics == [*[["max_error_m"]] * 2, ["max_error_m", "min_rope_tension_n"]]
-        assert main(["compare", log, "--json", "result.json"]) == code
-        assert json.loads(Path("result.json").read_text())["limits_kept"] is (code == 0)
+        assert json_of("compare", log, code=code)["limits_kept"] is (code == 0)
         assert capsys.readouterr().out.count(kept) == 2, "by run and by compare"
         assert main(["report", log, "--out", "run.html"]) == 0
         assert kept in read_page(Path("run.html").read_text()).text
@@ -159,7 +141,10 @@ def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     assert "2 of 4" in read_page(Path("cases.html").read_text()).text
 
 
-def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_directory_selects_all_scenarios_in_it(
+    tmp_path: Path, output: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`test_nothing_to_judge.py` has a directory without scenarios."""
     folder = tmp_path / "mine"
     (folder / "below").mkdir(parents=True)
     (folder / "first.toml").write_text(GOOD.replace("good", "first"))
@@ -167,16 +152,13 @@ def test_a_directory_selects_all_scenarios_in_it(tmp_path: Path, capsys: pytest.
     (folder / "rig.toml").write_text("load_mass = 2.0\n")
     (folder / "many.toml").write_text('name = "many"\nscenario = "good.toml"\n')
     again = str(Path("mine", "first.toml"))
-    assert main(["validate", "mine", "good.toml", again, *OPTIONS]) == 0
-    assert f"{again} is given more than once, and judged once" in capsys.readouterr().out
+    out = output("validate", "mine", "good.toml", again, *OPTIONS)
+    assert f"{again} is given more than once, and judged once" in out
     runs = json.loads(Path("result.json").read_text())["runs"]
     assert [run["scenario"] for run in runs[::3]] == ["second", "first", "good"]
     (folder / "broken.toml").write_text("reference = ")
     assert main(["validate", "mine", *OPTIONS]) == 2, "an invalid scenario was ignored"
     assert "mine/broken.toml: could not be run" in capsys.readouterr().err
-    (tmp_path / "empty").mkdir()
-    assert main(["validate", "empty", *OPTIONS]) == 2
-    assert "a directory without scenarios" in capsys.readouterr().err
 
 
 def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.CaptureFixture[str]) -> None:
@@ -211,9 +193,6 @@ def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.C
     order = ["It could not be run: broken.toml is not valid TOML", "FAIL: strict", "PASS: good", "<h2>Plants"]
     positions = [page.rindex(text) for text in order]
     assert positions == sorted(positions), "failures must come first, the worst on top"
-    assert page.count("Largest tracking error of the load is 1 mm, the limit is 0 mm.") == 1, (
-        "the limit must be reported once, not per plant"
-    )
     assert page.count("<img ") == 1, "only the scenario with a log has a picture"
     (suggestion,) = set(re.findall(r'class="label long code">cranectl (report [^<]*)<', page))
     assert suggestion == "report logs/strict/lqr+hinf-ideal.mcap"
@@ -224,32 +203,28 @@ def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.C
     assert [Path(f"cases.{kind}").read_bytes() for kind in ("xml", "html")] == first
 
 
-def test_the_output_has_one_line_per_scenario_without_logs_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_output_has_one_line_per_scenario_without_logs_too(output: Command) -> None:
     command = ["validate", "good.toml", "strict.toml", *OPTIONS, "--keep", "none"]
     write_variant("strict", "")
-    assert main(command) == 0
-    short = capsys.readouterr().out
+    short = output(*command)
     assert re.findall(r"^ (\w+) +<.* yes *$", short, re.MULTILINE) == ["good", "strict"]
     assert "lqr+hinf" not in short
     assert "6 runs, no log kept" in short
     assert not Path("logs", "good").exists()
     assert [run["log"] for run in json.loads(Path("result.json").read_text())["runs"]] == [None] * 6
-    assert main([*command, "--details"]) == 0
-    assert capsys.readouterr().out.count("lqr+hinf, elastic") == 2
-    assert main([*command, "--plants", "analytic"]) == 0
-    out = capsys.readouterr().out
+    assert output(*command, "--details").count("lqr+hinf, elastic") == 2
+    out = output(*command, "--plants", "analytic")
     assert "differences" not in out, "a single plant has no differences"
     assert out.rstrip().endswith("validation passed (agreement not judged: analytic is the only plant)")
 
 
-def test_the_controller_of_a_scenario_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_controller_of_a_scenario_must_be_named(refusal: Command) -> None:
     """`validate` runs six other controllers by default, whose results would say nothing about this one."""
     write_variant("mine", 'controller = "pid"\n')
     command = ["validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic"]
-    assert main(command) == 2
-    captured = capsys.readouterr()
-    assert "its controller is 'pid', which runs only if --controller names it" in captured.err
-    assert "remedy:  add --controller pid" in captured.err
+    error = refusal(*command)
+    assert "its controller is 'pid', which runs only if --controller names it" in error
+    assert "remedy:  add --controller pid" in error
     assert not Path("logs").exists()
     assert main([*command, "--controller", "pid"]) == 0
 

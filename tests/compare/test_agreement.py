@@ -19,14 +19,14 @@ from cranectl.compare.agreement import (
 )
 from cranectl.planning import load_scenario
 from cranectl.plants import PhysicsStep, registry
-from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.documents import TOML
 from cranectl.support.resources import Shipped
+from tests.conftest import PAIR, closed_loop
 
 LIMITS = agreement_limits("ideal")
-PAIR, RIGHT = ("analytic", "mujoco"), ("elastic", "mujoco")
+RIGHT = ("elastic", "mujoco")
 LONG = ["duration=4.0", "control.period=0.02", "control.physics_step=0.02"]
 
 
@@ -84,23 +84,18 @@ def test_effects_leave_what_their_schemes_do() -> None:
     assert pair_limits(framed, "force", RIGHT) == agreement_limits("force")
 
 
-def pair(scenario: Scenario) -> list[Run]:
-    return [simulate_run(scenario, plant=plant, controller="lqr") for plant in PAIR]
-
-
 @pytest.fixture(scope="module")
 def long() -> list[Run]:
     """Return runs with steps of 20 ms, of a load that crosses the rig in 3 s."""
-    return pair(load_scenario("fast-diagonal", overrides=LONG))
+    return [closed_loop("fast-diagonal", "lqr", plant, "ideal", *LONG) for plant in PAIR]
 
 
 def test_the_order_says_how_much_shorter(long: list[Run]) -> None:
     """Limits 50 times as narrow need two halvings, each of which divides the error by 16."""
     agreement = judge(*long)
     narrow = max(agreement.max_load_error_m, agreement.max_angle_error_rad) / 50.0
-    assert (
-        Agreement.judge_steps(long, replace(LIMITS, load_m=narrow, angle_rad=narrow)).curing_step_s == 0.005
-    )
+    limits = replace(LIMITS, load_m=narrow, angle_rad=narrow)
+    assert Agreement.judge_steps(long, limits).curing_step_s == 0.005
 
 
 def test_friction_needs_more_halvings_than_the_smooth_parts() -> None:

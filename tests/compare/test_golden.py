@@ -8,11 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.compare.golden import (
-    RegressionVerdict,
-    SignalVerdict,
-    Tolerances,
-)
+from cranectl.compare.golden import RegressionVerdict, SignalVerdict, Tolerances
 from cranectl.compare.runs import COMPARED_GROUPS, named_signals
 from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run

@@ -7,12 +7,7 @@ import pytest
 
 from cranectl.compare import Differences
 from cranectl.compare.agreement import NoLimits, agreement_limits, judge
-from cranectl.compare.runs import (
-    compare_runs,
-    compared_signals,
-    merged_pair,
-    named_signals,
-)
+from cranectl.compare.runs import compare_runs, compared_signals, merged_pair, named_signals
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario

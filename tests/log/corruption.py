@@ -95,6 +95,14 @@ def put_together(parts: Parts, edit: Edit = lambda record: [record]) -> bytes:
     return bytes(data + MAGIC)
 
 
+def changed(log: Path, *changes: Change) -> bytes:
+    """Return the bytes of a log after changes of its parts."""
+    parts = take_apart(log)
+    for change in changes:
+        change(parts)
+    return put_together(parts)
+
+
 def serialise(record: McapRecord | bytes) -> bytes:
     if isinstance(record, bytes):
         return record
@@ -195,6 +203,14 @@ def every_message(change: Callable[[Message], Message | None]) -> Change:
         for chunk in parts.chunks:
             changed = [change(r) if isinstance(r, Message) else r for r in chunk]
             chunk[:] = [record for record in changed if record is not None]
+
+    return apply
+
+
+def without_messages(topic: str, nth: slice = slice(None)) -> Change:
+    def apply(parts: Parts) -> None:
+        removed = list(map(id, parts.messages(topic)[nth]))
+        every_message(lambda m: None if id(m) in removed else m)(parts)
 
     return apply
 

@@ -15,11 +15,11 @@ from cranectl.support.errors import LogError
 from tests.log.corruption import SIGNAL, correct_checksums, record_positions
 
 Case = tuple[str, bytes]
+Damage = Callable[[bytes, np.random.Generator, int], Iterator[Case]]
+Judge = Callable[[dict[str, Run]], bool]
 
 
-def check(
-    cases: Iterator[Case], directory: Path, is_right: Callable[[dict[str, Run]], bool]
-) -> tuple[int, int]:
+def check(cases: Iterator[Case], directory: Path, is_right: Judge) -> tuple[int, int]:
     """Return how many cases are refused and how many are read; fail with the name of a wrong result."""
     refused = accepted = 0
     path = directory / "case.mcap"
@@ -71,18 +71,12 @@ def noise(_: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
         yield f"noise {number}", [inner, magic + inner, magic + inner + magic][number % 3]
 
 
-ACCIDENTS: list[tuple[Callable[[bytes, np.random.Generator, int], Iterator[Case]], int]] = [
-    (flipped, 1500),
-    (overwritten, 300),
-    (truncated, 300),
-    (noise, 600),
-]
-
-
-@pytest.mark.parametrize(("damage", "count"), ACCIDENTS, ids=lambda value: getattr(value, "__name__", ""))
-def test_accidental_damage_is_always_detected(
-    log: Path, tmp_path: Path, damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]], count: int
-) -> None:
+@pytest.mark.parametrize(
+    ("damage", "count"),
+    [(flipped, 1500), (overwritten, 300), (truncated, 300), (noise, 600)],
+    ids=["flipped", "overwritten", "truncated", "noise"],
+)
+def test_accidental_damage_is_always_detected(log: Path, tmp_path: Path, damage: Damage, count: int) -> None:
     """Checksums protect every byte of a log."""
     data = log.read_bytes()
     cases = ((name, case) for name, case in damage(data, np.random.default_rng(1), count) if case != data)
@@ -120,14 +114,11 @@ def edited_numbers(data: bytes, rng: np.random.Generator, count: int) -> Iterato
         kind = kinds[rng.integers(len(kinds))]
         opcode, start, stop = rng.choice([head for head in heads if head[0] == kind])
         index, width = int(rng.integers(start, stop)), int(rng.choice([1, 2, 4, 8]))
-        new = (EXTREME_NUMBERS[rng.integers(len(EXTREME_NUMBERS))] & (2 ** (8 * width) - 1)).to_bytes(
-            width, "little"
-        )
+        number = EXTREME_NUMBERS[rng.integers(len(EXTREME_NUMBERS))] & (2 ** (8 * width) - 1)
+        new = number.to_bytes(width, "little")
         edited = bytearray(data[:index] + new + data[index + width :])
-        yield (
-            f"{width} bytes of record {opcode}, {index - start} from {start}: {new!r}",
-            correct_checksums(edited),
-        )
+        name = f"{width} bytes of record {opcode}, {index - start} from {start}: {new!r}"
+        yield name, correct_checksums(edited)
 
 
 def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[Case]:
@@ -144,12 +135,7 @@ def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[
     ids=["lengths", "numbers", "no-checksums"],
 )
 def test_edited_numbers_with_valid_checksums_change_no_signal(
-    log: Path,
-    tmp_path: Path,
-    runs: dict[str, Run],
-    damage: Callable[[bytes, np.random.Generator, int], Iterator[Case]],
-    count: int,
-    expected: float,
+    log: Path, tmp_path: Path, runs: dict[str, Run], damage: Damage, count: int, expected: float
 ) -> None:
     """A log with other consistent facts may be read, but never with other signals."""
 

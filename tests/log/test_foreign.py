@@ -1,7 +1,6 @@
 """Logs that other tools have rewritten are read in any valid form; MCAP files without a run are refused."""
 
 import io
-import json
 import re
 import struct
 from collections.abc import Callable
@@ -15,11 +14,12 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 
+from cranectl.cli.log import recover_log_command
 from cranectl.log.description import LogDescription
 from cranectl.log.reader import read_log, read_signal
 from cranectl.log.recover import recover_log
 from cranectl.log.writer import write_log
-from cranectl.scenario import Scenario
+from cranectl.planning import load_scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
 from tests.log.test_log import assert_same
@@ -35,15 +35,8 @@ def written(tmp_path_factory: pytest.TempPathFactory, short_run: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def short_run() -> Any:
-    scenario = Scenario.model_validate_json(json.dumps(SHORT))
+    scenario = load_scenario("fixed-position", overrides=["duration=0.4", "disturbances=[]"])
     return simulate_run(scenario, plant="analytic", controller="lqr")
-
-
-SHORT = {
-    "name": "short",
-    "duration": 0.4,
-    "reference": {"start": [1.0, 0.7, -0.8], "segments": []},
-}
 
 
 def rewrite_log(
@@ -94,10 +87,10 @@ def other_topics(writer: Writer) -> None:
     pose = writer.register_channel("/pose", "json", schema)
     ros = writer.register_channel("/ros", "cdr", writer.register_schema("a/msg/X", "ros2msg", b"float64 x"))
     raw = writer.register_channel("/raw", "json", 0)
-    for k in range(3):
+    for k, length in enumerate((0, 5, 7000)):
         writer.add_message(pose, k, b'{"x": 1}', k)
         writer.add_message(ros, k, b"\0\1\0\0" + bytes(8), k)
-        writer.add_message(raw, k, b"{}", k)
+        writer.add_message(raw, k, bytes(length), k)
 
 
 FORMS: dict[str, dict[str, Any]] = {
@@ -128,7 +121,11 @@ def test_a_log_rewritten_by_another_tool_is_read_and_recovered(
     assert np.array_equal(alpha, short_run.every(4).signal("state.alpha"))
     assert LogDescription.of(path).versions == LogDescription.of(written).versions
     others = ("/pose", "/raw", "/ros") if "other topics" in form else ()
-    assert recovered.left_out == others, "messages of other tools are not kept, and this is told"
+    assert {*others} <= {topic.topic for topic in LogDescription.of(path).topics}
+    with pytest.raises(InputError, match=r"unknown signal 'pose\.x'"):
+        read_signal(path, "pose.x")
+    assert recovered.left_out == others
+    assert {*others}.isdisjoint(topic.topic for topic in LogDescription.of(saved).topics)
 
 
 def test_private_records_of_other_writers_are_ignored(written: Path, short_run: Any, tmp_path: Path) -> None:
@@ -153,6 +150,15 @@ def add_notes(writer: Writer) -> None:
     for content in (b"x", b"y"):
         writer.add_attachment(0, 0, "notes.txt", "text/plain", content)
         writer.add_metadata("notes", {"a": content.decode()})
+
+
+def test_recovery_tells_which_topics_it_leaves_out(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = rewrite_log(written, tmp_path / "again.mcap", partial(add_large_messages, size=0))
+    recover_log_command.main([str(path)], standalone_mode=False)
+    told = capsys.readouterr().out
+    assert "1 topic is left out, of other tools or versions: /image" in told
 
 
 def test_records_with_the_same_name_are_kept(written: Path, short_run: Any, tmp_path: Path) -> None:

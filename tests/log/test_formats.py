@@ -22,7 +22,7 @@ from cranectl.simulate import Run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from cranectl.support.provenance import Provenance
-from tests.log.corruption import put_together, take_apart
+from tests.log.corruption import changed, set_metadata
 
 SAMPLES = Path(__file__).parent / "samples"
 
@@ -156,11 +156,9 @@ def test_settings_and_margins_of_a_sample_log_are_read() -> None:
 
 def test_a_log_without_fingerprints_is_read(tmp_path: Path) -> None:
     assert not {*Provenance.FINGERPRINTS, "machine"} & LogDescription.of(LIVE.path).versions.keys()
-    parts = take_apart(PAIR.path)
-    for name in (*Provenance.FINGERPRINTS, "llvmlite", "machine"):
-        del parts.meta("versions").metadata[name]
+    names = (*Provenance.FINGERPRINTS, "llvmlite", "machine")
     path = tmp_path / "a.mcap"
-    path.write_bytes(put_together(parts))
+    path.write_bytes(changed(PAIR.path, set_metadata("versions", **dict.fromkeys(names))))
     check(PAIR, read_log(path))
 
 
@@ -178,14 +176,11 @@ def layout(path: Path) -> tuple[dict[str, tuple[bytes, dict[str, str]]], dict[st
 
 def without_new_values(definition: bytes, known: bytes) -> bytes:
     """Return `definition` without values of enumerations that `known` does not have."""
-    new, old = (FileDescriptorSet.FromString(definition_bytes) for definition_bytes in (definition, known))
+    new, old = map(FileDescriptorSet.FromString, (definition, known))
     for message, before in zip(new.file[0].message_type, old.file[0].message_type, strict=True):
         for enumeration, known_enumeration in zip(message.enum_type, before.enum_type, strict=True):
-            known_values = [
-                value
-                for value in enumeration.value
-                if value.name in {definition_bytes.name for definition_bytes in known_enumeration.value}
-            ]
+            names = {value.name for value in known_enumeration.value}
+            known_values = [value for value in enumeration.value if value.name in names]
             del enumeration.value[:]
             enumeration.value.extend(known_values)
     return new.SerializeToString(deterministic=True)
@@ -208,10 +203,8 @@ def test_a_written_log_is_compatible_with_the_sample_of_its_format(sample: Sampl
 
 @pytest.mark.parametrize("number", ["1", "4", "", "2 ", "02"])
 def test_other_formats_are_refused(tmp_path: Path, number: str) -> None:
-    parts = take_apart(PAIR.path)
-    parts.meta("cranectl").metadata["format"] = number
     path = tmp_path / "a.mcap"
-    path.write_bytes(put_together(parts))
+    path.write_bytes(changed(PAIR.path, set_metadata("cranectl", format=number)))
     with pytest.raises(LogError, match=f"has log format {number}\n") as caught:
         read_log(path)
     assert caught.value.allowed == "format 2 or 3"

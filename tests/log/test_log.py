@@ -101,9 +101,8 @@ def test_distance_and_verdict_match_the_comparison(log: Path, runs: dict[str, Ru
     assert largest[0] < 1e-9
     assert verdict.load == "< 1e-09 m, limit 1e-07 m"
     for row in comparison.signals:
-        assert f"{Quantity(row.max_abs).si_difference()} {row.unit}" in getattr(
-            verdict, row.signal.replace(".", "_")
-        )
+        shown = getattr(verdict, row.signal.replace(".", "_"))
+        assert f"{Quantity(row.max_abs).si_difference()} {row.unit}" in shown
 
 
 def test_protobuf_decodes_the_same_values(log: Path) -> None:
@@ -136,12 +135,8 @@ def test_the_status_topic_ends_with_the_outcome(log: Path) -> None:
     ]
     assert all(change.inside_workspace for _, change in changes)
     fields = changes[0][1].DESCRIPTOR.fields_by_name
-    for name, enumeration in (
-        ("status", RunStatus),
-        ("phase", Phase),
-        ("disturbed", Disturbed),
-        ("saturated", Saturated),
-    ):
+    enumerations = {"status": RunStatus, "phase": Phase, "disturbed": Disturbed, "saturated": Saturated}
+    for name, enumeration in enumerations.items():
         values = {value.name: value.number for value in fields[name].enum_type.values}
         assert values == {value.name: value.value for value in enumeration}
 
@@ -158,10 +153,8 @@ def test_saturated_drives_are_logged_as_states_and_events(tmp_path: Path, short:
     assert [changes[time].saturated for time in edges] == [
         Saturated.BRIDGE if acting[time // 10**6] else Saturated.UNSATURATED for time in edges
     ]
-    lines = [(time, message.message) for time, message in messages_of(path, "/log")]
-    assert [line for line in lines if "limits" in line[1]] == [
-        (edges[0], "the bridge drive reaches its limits")
-    ]
+    lines = [(time, event.message) for time, event in messages_of(path, "/log") if "limits" in event.message]
+    assert lines == [(edges[0], "the bridge drive reaches its limits")]
 
 
 def test_the_status_follows_segments_and_workspace(tmp_path: Path) -> None:

@@ -16,15 +16,15 @@ from cranectl.scenario import Scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
-from tests.conftest import closed_loop, cut
-from tests.log.corruption import put_together, set_metadata, take_apart
+from tests.conftest import PAIR, closed_loop, cut
+from tests.log.corruption import changed, set_metadata
 from tests.log.test_log import assert_same
 from tests.log.viewer import messages_of
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def layers(short: Scenario) -> dict[str, Layer]:
     """Return runs of different controllers, plants, drives, references and rates; two stopped early."""
     early = simulate_run(short, plant="mujoco", controller="lqr", drive="velocity")
@@ -99,21 +99,15 @@ def test_an_overlay_combines_runs_of_several_logs(
     short: Scenario, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("lqr", "pole-placement"):
-        write_log(
-            f"{name}.mcap",
-            [simulate_run(short, plant=plant, controller=name) for plant in ("analytic", "mujoco")],
-        )
+        write_log(f"{name}.mcap", [simulate_run(short, plant=plant, controller=name) for plant in PAIR])
     assert main(["log", "overlay", "lqr.mcap", "pole-placement.mcap", "--out", "both.mcap"]) == 0
     assert "log layout overlay view.json --log both.mcap" in capsys.readouterr().out
     read = Log.read("both.mcap").layers
     for name, layer in read.items():
         assert_same(layer.run, read_log(f"{name}.mcap")["mujoco"])
     assert main(["log", "overlay", "both.mcap", "lqr.mcap", "--plants", "analytic", "--label", "a,b,c"]) == 0
-    assert [layer.run.plant for layer in Log.read("logs/fixed-position/overlay.mcap").layers.values()] == [
-        "mujoco",
-        "mujoco",
-        "analytic",
-    ]
+    layers = Log.read("logs/fixed-position/overlay.mcap").layers
+    assert [layer.run.plant for layer in layers.values()] == ["mujoco", "mujoco", "analytic"]
     assert main(["log", "overlay", "lqr.mcap", "both.mcap", "--label", "a"]) == 2
     assert "1 labels for 3 runs" in capsys.readouterr().err
     with pytest.raises(LogError, match=r"both\.mcap is an overlay of the runs lqr,pole-placement") as caught:
@@ -129,9 +123,7 @@ def test_a_contradictory_overlay_is_refused(layers: dict[str, Layer]) -> None:
         ("overlay", {"labels": "lqr,nobody"}, "not of cranectl"),
         ("overlay", {"format": "9"}, "that only viewers read"),
     ):
-        parts = take_apart(Path("a.mcap"))
-        set_metadata(record, **values)(parts)
-        Path("b.mcap").write_bytes(put_together(parts))
+        Path("b.mcap").write_bytes(changed(Path("a.mcap"), set_metadata(record, **values)))
         with pytest.raises(LogError, match=re.escape(problem)):
             Log.read("b.mcap")
     late = replace(layers["lqr"].run, time_ns=layers["lqr"].run.time_ns + 1)

@@ -1,4 +1,4 @@
-"""Single signals, the speed of the reader, and foreign topics."""
+"""Single signals, the speed of the reader, and samples between the regular ones."""
 
 import time
 from collections.abc import Callable
@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema
 
-from cranectl.log.description import LogDescription
 from cranectl.log.reader import read_log, read_signal
 from cranectl.log.writer import write_log
 from cranectl.scenario import Scenario
@@ -16,8 +14,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError, LogError
 from tests.conftest import closed_loop, cut
-from tests.log.corruption import SIGNAL, put_together, take_apart
-from tests.log.test_log import assert_same
+from tests.log.corruption import SIGNAL
 
 
 def test_a_single_signal_equals_that_of_the_whole_log(log: Path, runs: dict[str, Run]) -> None:
@@ -79,21 +76,6 @@ def test_reading_is_much_faster_than_with_mcap(tmp_path: Path) -> None:
     slow = seconds(iterate, 2)
     assert seconds(lambda: read_log(path), 5) < slow / 4.0
     assert seconds(lambda: read_signal(path, SIGNAL), 10) < slow / 12.0
-
-
-def test_foreign_topics_are_ignored(log: Path, tmp_path: Path, runs: dict[str, Run]) -> None:
-    parts = take_apart(log)
-    schema, channel = Schema(999, b"{}", "jsonschema", "Note"), Channel(999, "/notes", "json", {}, 999)
-    texts = [b'"' + b"a" * length + b'"' for length in (0, 5, 7000)]
-    messages = [Message(999, parts.messages("/mujoco/state")[5].log_time, text, 0, 0) for text in texts]
-    parts.chunks[0] += [schema, channel, *messages]
-    path = tmp_path / "foreign.mcap"
-    path.write_bytes(put_together(parts))
-    for plant, run in read_log(path).items():
-        assert_same(run, runs[plant])
-    assert "/notes" in {topic.topic for topic in LogDescription.of(path).topics}
-    with pytest.raises(InputError, match=r"unknown signal 'notes\.x'"):
-        read_signal(path, "notes.x")
 
 
 def test_a_sample_between_regular_samples_has_its_reference(tmp_path: Path, short: Scenario) -> None:

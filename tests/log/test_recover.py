@@ -9,16 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foxglove.messages import Log as LogMessage
 from mcap.reader import make_reader
-from mcap.records import Channel, Message, Metadata, Schema
+from mcap.records import Message, Metadata
 
 from cranectl.cli.info import info_command
 from cranectl.cli.log import recover_log_command
-from cranectl.log import topics
 from cranectl.log.description import LogDescription
 from cranectl.log.reader import read_log
-from cranectl.log.recover import recover_log
+from cranectl.log.recover import Recovery, recover_log
 from cranectl.log.writer import CHUNK_SIZE, write_log
 from cranectl.mcap_columns.records import MAGIC
 from cranectl.planning import load_scenario
@@ -26,7 +24,17 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support.errors import LogError
 from tests.conftest import PAIR
-from tests.log.corruption import every_message, put_together, record_positions, take_apart
+from tests.log.corruption import (
+    Change,
+    changed,
+    every_message,
+    put_together,
+    record_positions,
+    remove,
+    set_metadata,
+    take_apart,
+    without_messages,
+)
 from tests.log.viewer import messages_of
 from tests.pace import HANG
 
@@ -39,22 +47,27 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenario = load_scenario(
         "fixed-position", overrides=["duration=6", "disturbances.0.start=1", "disturbances.1.start=2"]
     )
-    pair = [simulate_run(scenario, plant=plant) for plant in ("analytic", "mujoco")]
+    pair = [simulate_run(scenario, plant=plant) for plant in PAIR]
     return write_log(tmp_path_factory.mktemp("long") / "long.mcap", pair)
 
 
 @pytest.fixture
 def part(tmp_path: Path, log: Path) -> Path:
     """Return a copy of the log that is cut off within its third chunk."""
-    return cut(log, tmp_path / "a.mcap.4711.part", after_chunks=2)
+    return cut(log.read_bytes(), tmp_path)
 
 
-def cut(log: Path, part: Path, *, after_chunks: int, data: bytes = b"") -> Path:
-    """Write the bytes of `log`, or `data`, up to the middle of the chunk `after_chunks`."""
-    data = data or log.read_bytes()
-    start, stop = [record[1:] for record in record_positions(data) if record[0] == CHUNK][after_chunks]
+def cut(data: bytes, directory: Path) -> Path:
+    """Write a log up to the middle of its third chunk."""
+    start, stop = [record[1:] for record in record_positions(data) if record[0] == CHUNK][2]
+    part = directory / "a.mcap.4711.part"
     part.write_bytes(data[: (start + stop) // 2])
     return part
+
+
+def recovered(log: Path, directory: Path, *changes: Change) -> Recovery:
+    """Recover a log that was changed, and then cut off within its third chunk."""
+    return recover_log(cut(changed(log, *changes), directory))
 
 
 def assert_beginning(saved: Run, whole: Run) -> None:
@@ -147,46 +160,19 @@ def test_a_recovered_log_describes_its_new_end(part: Path, log: Path) -> None:
 
 
 def test_a_recovered_log_keeps_its_versions(log: Path, tmp_path: Path) -> None:
-    parts = take_apart(log)
-    parts.meta("versions").metadata["mujoco"] = "3.99"
-    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
-    saved = recover_log(part).log
+    saved = recovered(log, tmp_path, set_metadata("versions", mujoco="3.99")).log
     assert LogDescription.of(saved).versions["mujoco"] == "3.99"
     assert "mujoco 3.99" in messages_of(Path(saved), "/run/info")[0][1].versions
 
 
 def test_recovery_needs_no_record_from_the_end_of_the_file(log: Path, tmp_path: Path) -> None:
     """A recorder that writes during the run does not know how the run will end."""
-    parts = take_apart(log)
-    parts.metadata = [metadata for metadata in parts.metadata if not metadata.name.startswith("run/")]
-    ids = [parts.channel(topic).id for topic in ("/run/info", "/diff/verdict")]
-    every_message(lambda m: None if m.channel_id in ids else m)(parts)
-    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
-    recovery = recover_log(part)
+    outcomes = map(remove, ("run/analytic", "run/mujoco"))
+    recovery = recovered(log, tmp_path, *outcomes, *map(without_messages, ("/run/info", "/diff/verdict")))
     assert [run.expected for run in recovery.runs] == [None, None]
     for plant, run in read_log(recovery.log).items():
         assert_beginning(run, read_log(log)[plant])
     assert len(messages_of(Path(recovery.log), "/run/info")) == 1
-
-
-def test_recovery_keeps_events_and_leaves_other_topics_out(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    parts = take_apart(log)
-    definition = topics.record_schema("Note", (("text", str),))
-    line = LogMessage(message="kicked", name="live").encode()
-    parts.chunks[0] += [
-        Schema(900, definition, "protobuf", "cranectl.Note"),
-        Channel(900, "/notes", "protobuf", {}, 900),
-        Message(900, 5, topics.encode(definition, "Note", {"text": "early"}), 5, 0),
-        Message(parts.channel("/log").id, 7, line, 7, 0),
-    ]
-    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
-    recover_log_command.main([str(part)], standalone_mode=False)
-    assert "1 topic is left out, of other tools or versions: /notes" in capsys.readouterr().out
-    saved = tmp_path / "a.mcap"
-    assert messages_of(saved, "/notes") == []
-    assert (7, "kicked") in [(time, entry.message) for time, entry in messages_of(saved, "/log")]
 
 
 def test_recovery_of_a_live_session_keeps_its_start_and_its_events(tmp_path: Path) -> None:
@@ -206,20 +192,19 @@ def test_recovery_of_a_live_session_keeps_its_start_and_its_events(tmp_path: Pat
     assert first == run.time_ns[0]
 
 
-def test_groups_are_cut_to_their_last_common_sample(log: Path, tmp_path: Path) -> None:
+def test_groups_are_cut_to_their_last_common_sample(log: Path, runs: dict[str, Run], tmp_path: Path) -> None:
     """The last chunk ends within a sample, so that only some groups of the MuJoCo plant have it."""
     parts = take_apart(log)
     late = [m for m in parts.chunks[1] if isinstance(m, Message)][-1].log_time - 9_000_000
     ids = [parts.channel(f"/mujoco/{group}").id for group in ("input", "controller")]
     every_message(lambda m: None if m.channel_id in ids and m.log_time > late else m)(parts)
-    part = cut(log, tmp_path / "a.mcap.1.part", after_chunks=2, data=put_together(parts))
-    runs = read_log(recover_log(part).log)
-    assert len(runs["mujoco"].time_ns) < len(runs["analytic"].time_ns)
-    for plant, run in runs.items():
-        assert_beginning(run, read_log(log)[plant])
+    saved = read_log(recover_log(cut(put_together(parts), tmp_path)).log)
+    assert len(saved["mujoco"].time_ns) < len(saved["analytic"].time_ns)
+    for plant, run in saved.items():
+        assert_beginning(run, runs[plant])
 
 
-def test_recovery_stops_at_damage(log: Path, tmp_path: Path) -> None:
+def test_recovery_stops_at_damage(log: Path, runs: dict[str, Run], tmp_path: Path) -> None:
     data = bytearray(log.read_bytes())
     start, stop = [record[1:] for record in record_positions(bytes(data)) if record[0] == CHUNK][1]
     data[(start + stop) // 2] ^= 1
@@ -228,7 +213,7 @@ def test_recovery_stops_at_damage(log: Path, tmp_path: Path) -> None:
     recovery = recover_log(damaged)
     assert Path(recovery.log) == tmp_path / "b.recovered.mcap"
     assert recovery.lost == len(data) - start
-    assert_beginning(read_log(recovery.log)["mujoco"], read_log(log)["mujoco"])
+    assert_beginning(read_log(recovery.log)["mujoco"], runs["mujoco"])
 
 
 @pytest.mark.parametrize(
@@ -240,10 +225,8 @@ def test_recovery_stops_at_damage(log: Path, tmp_path: Path) -> None:
     ],
 )
 def test_a_contradictory_log_is_not_recovered(log: Path, tmp_path: Path, end_ns: str, text: str) -> None:
-    parts = take_apart(log)
-    parts.meta("run/mujoco").metadata["end_ns"] = end_ns
     part = tmp_path / "a.mcap.1.part"
-    part.write_bytes(put_together(parts))
+    part.write_bytes(changed(log, set_metadata("run/mujoco", end_ns=end_ns)))
     for read in (read_log, recover_log):
         with pytest.raises(LogError, match=text):
             read(part)
@@ -434,7 +417,8 @@ for size in sys.argv[2:]:
 
 def test_a_log_can_be_recovered_after_the_disk_was_full(log: Path, tmp_path: Path) -> None:
     """A limit on the file size stops the writer at any byte, as a full disk would."""
-    full_log = write_log(tmp_path.parent / "whole.mcap", list(read_log(log).values()))
+    expected = read_log(log)
+    full_log = write_log(tmp_path.parent / "whole.mcap", list(expected.values()))
     size = full_log.stat().st_size
     sizes = [0, 1, 100, 11_000, size // 2, size - 3000, size - 100, size - 30, size - 9, size - 8, size - 1]
     command = [sys.executable, "-c", FILL_DISK, str(log), *map(str, [*sizes, size])]
@@ -449,7 +433,6 @@ def test_a_log_can_be_recovered_after_the_disk_was_full(log: Path, tmp_path: Pat
     written.unlink()
     parts = sorted(tmp_path.iterdir())
     assert sorted(part.stat().st_size for part in parts) == [limit for limit in sizes if limit > CHUNK_SIZE]
-    expected = read_log(full_log)
     for part in parts:
         assert recover_log(part).lost <= 1.3 * CHUNK_SIZE
         for plant, run in read_log(written).items():

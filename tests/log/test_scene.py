@@ -51,15 +51,9 @@ def vector(v: Any) -> np.ndarray:
 
 
 def rotation(q: Any) -> np.ndarray:
-    """Return the rotation matrix of a quaternion."""
-    x, y, z, w = q.x, q.y, q.z, q.w
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """Return the rotation matrix 1 + 2 w K + 2 K² of a quaternion, with K u = (x, y, z) × u."""
+    cross = np.cross(vector(q), np.eye(3)).T
+    return np.eye(3) + 2.0 * q.w * cross + 2.0 * cross @ cross
 
 
 def world_pose(tree: Any, frame: str) -> tuple[np.ndarray, np.ndarray]:
@@ -95,9 +89,8 @@ def scene(runs: dict[str, Run], tmp_path_factory: pytest.TempPathFactory) -> Mes
 
 def test_transforms_are_complete_and_place_the_load_correctly(scene: Messages, runs: dict[str, Run]) -> None:
     frames = {t.child_frame_id for t in scene["/tf"][0][1].transforms}
-    assert frames == {"reference"} | {
-        f"{plant}/{body}" for plant in runs for body in ("bridge", "trolley", "load")
-    }
+    bodies = ("bridge", "trolley", "load")
+    assert frames == {"reference", *(f"{plant}/{body}" for plant in runs for body in bodies)}
     times = np.array([time for time, _ in scene["/tf"]])
     assert 50.0 <= len(times) / 25.0 <= 100.0
     assert times[-1] == runs["mujoco"].end_ns
@@ -123,12 +116,10 @@ def test_the_load_rotates_about_alpha_first(short: Scenario, tmp_path: Path) -> 
     tree = decode(write_log(tmp_path / "a.mcap", [run]))["/tf"][0][1]
     model = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE))
     data = mujoco.MjData(model)
-    for name, value in (("alpha", 0.4), ("beta", -0.7)):
-        data.joint(name).qpos = value
+    data.joint("alpha").qpos, data.joint("beta").qpos = 0.4, -0.7
     mujoco.mj_forward(model, data)
-    assert world_pose(tree, "analytic/load")[1] == pytest.approx(
-        data.body("load").xmat.reshape(3, 3), abs=1e-12
-    )
+    turn = data.body("load").xmat.reshape(3, 3)
+    assert world_pose(tree, "analytic/load")[1] == pytest.approx(turn, abs=1e-12)
 
 
 def test_the_scene_has_the_solids_of_the_mjcf_and_a_ghost(scene: Messages) -> None:
@@ -286,9 +277,8 @@ def plot_colours(layout: str) -> dict[str, set[tuple[float, ...]]]:
 def test_trails_and_plots_have_the_same_colours(scene: Messages) -> None:
     plots = plot_colours("comparison")
     for plant in ("analytic", "mujoco"):
-        shades = {
-            rgb(c) for _, update in scene[f"/{plant}/trail"] for c in update.entities[0].lines[0].colors
-        }
+        lines = (update.entities[0].lines[0] for _, update in scene[f"/{plant}/trail"])
+        shades = {rgb(colour) for line in lines for colour in line.colors}
         assert shades == {Palette.VIEWER.rgb(PLANTS[plant].colour)}
         assert shades == plots[plant]
     ((_, path),) = scene["/reference/path"]

@@ -75,9 +75,7 @@ def test_the_tolerance_of_settling_is_the_scenarios() -> None:
     for tolerance in (1e-5, 1e-4, 1e-3):
         settings = run.scenario.metrics.model_copy(update={"settling_tolerance": tolerance})
         scenario = run.scenario.model_copy(update={"metrics": settings})
-        metrics = run_metrics(replace(run, scenario=scenario))
-        assert metrics is not None
-        times.append(metrics.settling_time_s)
+        times.append(run_metrics(replace(run, scenario=scenario)).settling_time_s)
     assert times[0] > times[1] > times[2] >= 0.0
 
 
@@ -86,9 +84,7 @@ def test_the_course_of_a_metric_is_what_a_run_that_ends_sooner_has() -> None:
     for metric in (metric for metric in Metric.all() if metric.limited):
         course = metric_course(run, metric.name)
         for samples in (1, 500, 3100, len(run.time_ns)):
-            sooner = run_metrics(cut(run, samples, end_ns=int(run.time_ns[samples - 1])))
-            assert sooner is not None
-            value = sooner.values[metric.name]
+            value = run_metrics(cut(run, samples, end_ns=int(run.time_ns[samples - 1]))).values[metric.name]
             assert course[samples - 1] == value or (value is None and np.isnan(course[samples - 1])), metric
 
 
@@ -100,10 +96,8 @@ def test_a_limit_is_broken_since_it_was_kept_last() -> None:
         return LimitVerdict(metric, None, limit, kept=False).broken_since(run)
 
     assert since("max_error_m", 0.05) == run.time[np.argmax(error > 0.05)]
-    assert (
-        since("final_error_m", 0.9 * error[-1]) == run.time[np.flatnonzero(error <= 0.9 * error[-1])[-1] + 1]
-    )
-    metrics = run_metrics(run)
-    assert metrics is not None
-    assert since("residual_sway_rad", 0.0) == run.time[run.time > metrics.rest_s][0], "of its second sample"
+    kept_last = np.flatnonzero(error <= 0.9 * error[-1])[-1]
+    assert since("final_error_m", 0.9 * error[-1]) == run.time[kept_last + 1]
+    resting = run.time > run_metrics(run).rest_s
+    assert since("residual_sway_rad", 0.0) == run.time[resting][0], "of its second sample"
     assert since("max_error_m", 10.0) is None

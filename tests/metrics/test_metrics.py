@@ -10,14 +10,7 @@ import pytest
 
 from cranectl.cases.case import RunSummary
 from cranectl.design import design_controller
-from cranectl.metrics import (
-    Accumulator,
-    Metric,
-    RunMetrics,
-    WorkspaceViolation,
-    run_metrics,
-    workspace_violations,
-)
+from cranectl.metrics import Accumulator, Metric, WorkspaceViolation, run_metrics, workspace_violations
 from cranectl.metrics.setup import FLAG_COLUMN, metrics_setup
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
 from cranectl.planning import load_scenario
@@ -87,12 +80,6 @@ def synthetic() -> Run:
     )  # fmt: skip
 
 
-def measured(run: Run) -> RunMetrics:
-    metrics = run_metrics(run)
-    assert metrics is not None
-    return metrics
-
-
 def test_signals_of_closed_form(synthetic: Run) -> None:
     swung = 0.02 * cos(2.0 * pi * 0.999)
     # The bridge pulls the load that trails it: power S sin(beta) 0.25 m/s. The trolley starts and stops
@@ -129,7 +116,7 @@ def test_signals_of_closed_form(synthetic: Run) -> None:
         "outside_excess_m": (0.0, 0.2, 0.0),
         "outside_time_s": (0.0, 4.0 - 2.586, 0.0),
     }
-    metrics = measured(synthetic)
+    metrics = run_metrics(synthetic)
     for name, value in expected.items():
         assert getattr(metrics, name) == pytest.approx(value, rel=1e-9, abs=1e-12), name
     assert metrics.outside_first_s == (None, 2.586, None)  # 1.74 - 0.1 (4 - t)² > 1.54
@@ -150,14 +137,14 @@ def test_sway_about_the_lean_is_not_the_lean(synthetic: Run) -> None:
     synthetic.table[REST:, BETA] = 0.2 + 0.01 * np.cos(swings)
     synthetic.table[REST:, ALPHA] = -0.1 + 0.03 * np.sin(swings)
     synthetic.table[:REST, ALPHA] = 0.4  # does not rest yet
-    assert measured(synthetic).residual_sway_about_lean_rad == pytest.approx(0.03, rel=1e-12)
-    assert measured(synthetic).residual_sway_rad > 0.2
+    assert run_metrics(synthetic).residual_sway_about_lean_rad == pytest.approx(0.03, rel=1e-12)
+    assert run_metrics(synthetic).residual_sway_rad > 0.2
 
 
 def test_only_what_is_beyond_the_end_point_is_overshoot(synthetic: Run) -> None:
     for shift, expected in ((0.01, 0.03), (-0.01, 0.01), (-0.03, 0.0)):
         shifted = column(synthetic, COLUMN.load, shift, slice(REST, None))
-        assert measured(shifted).overshoot_m == pytest.approx(expected, rel=1e-12)
+        assert run_metrics(shifted).overshoot_m == pytest.approx(expected, rel=1e-12)
 
 
 def column(run: Run, index: int, value: float, rows: slice) -> Run:
@@ -171,10 +158,8 @@ def fed(run: Run, ends: list[int]) -> bytes:
     """Return the accumulator after blocks that end at `ends`, all in the same buffer."""
     accumulator = Accumulator(run.scenario, run.drive)
     width = LIMITED - FLAG_COLUMN
-    record, stages = (
-        np.full((len(run.table), width), np.nan),
-        np.full((len(run.table), LIMITED + 3 - width), 7.0),
-    )
+    record = np.full((len(run.table), width), np.nan)
+    stages = np.full((len(run.table), LIMITED + 3 - width), 7.0)
     for first, last in zip([0, *ends], [*ends, len(run.table)], strict=True):
         n = last - first
         record[:n], stages[:n] = run.table[first:last, :width], run.table[first:last, width:]
@@ -223,11 +208,11 @@ def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
     gained = last - first - np.trapezoid(push, run.time)
     # The tension is that at the start of a period; drives with a lag accelerate less towards its end.
     tolerance = 1e-3 if drive == "ideal" else 6e-3
-    assert sum(measured(run).drive_work_j) == pytest.approx(gained, abs=tolerance)
+    assert sum(run_metrics(run).drive_work_j) == pytest.approx(gained, abs=tolerance)
     table = run.table.copy()
     table[:, COLUMN.disturbance : COLUMN.disturbance + 2] = 0.0
-    without = measured(replace(run, table=table)).drive_work_j
-    reaction = np.subtract(measured(run).drive_work_j, without)
+    without = run_metrics(replace(run, table=table)).drive_work_j
+    reaction = np.subtract(run_metrics(run).drive_work_j, without)
     assert abs(reaction.sum()) > 10.0 * tolerance, "the reaction to the disturbances counts"
     assert abs(gained) > 1.0
 
@@ -256,11 +241,11 @@ def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
     force = [-on_trolley[0], -on_trolley[1], -tension]
     expected = 0.5 * velocity * force
     assert (np.abs(expected) > 0.05).all()
-    assert measured(run).drive_work_j == pytest.approx(expected, rel=1e-8)
-    assert measured(run).drive_energy_j == pytest.approx(np.maximum(expected, 0.0), rel=1e-8)
-    assert measured(later).drive_work_j == pytest.approx(expected, rel=1e-8), "whenever it starts"
-    assert measured(run).max_abs_angle_rad == pytest.approx((0.3, 0.4))
-    assert measured(run).rms_sway_rad == pytest.approx(acos(-n(alpha, beta)[2])), "from the plumb line"
+    assert run_metrics(run).drive_work_j == pytest.approx(expected, rel=1e-8)
+    assert run_metrics(run).drive_energy_j == pytest.approx(np.maximum(expected, 0.0), rel=1e-8)
+    assert run_metrics(later).drive_work_j == pytest.approx(expected, rel=1e-8), "whenever it starts"
+    assert run_metrics(run).max_abs_angle_rad == pytest.approx((0.3, 0.4))
+    assert run_metrics(run).rms_sway_rad == pytest.approx(acos(-n(alpha, beta)[2])), "from the plumb line"
 
 
 def test_friction_of_the_axes_costs_energy() -> None:
@@ -270,8 +255,8 @@ def test_friction_of_the_axes_costs_energy() -> None:
     )
     rough = scenario.model_copy(update={"effects": EffectSettings(friction=friction)})
     run = simulate_run(rough, plant="mujoco", drive="velocity", controller="lqr")
-    with_friction = measured(run)
-    smooth = measured(replace(run, scenario=scenario))
+    with_friction = run_metrics(run)
+    smooth = run_metrics(replace(run, scenario=scenario))
     velocity = np.abs(run.block("state")[:, 1:6:2])
     lost = np.trapezoid(velocity * (2.0, 1.0, 1.0) + velocity**2 * (4.0, 2.0, 2.0), run.time, axis=0)
     assert np.subtract(with_friction.drive_work_j, smooth.drive_work_j) == pytest.approx(lost, rel=1e-9)
@@ -284,8 +269,8 @@ def test_limits_that_act_are_timed() -> None:
     limited = scenario.model_copy(update={"effects": EffectSettings(limits=limits)})
     run = simulate_run(limited, plant="analytic", drive="velocity", controller="lqr+loop-shaping")
     acting = run.block("command")[:, 3:].any(axis=1)
-    assert 0.1 < measured(run).saturated_s == pytest.approx(1e-3 * acting[:-1].sum(), rel=1e-9)
-    assert measured(moved("analytic", "velocity")).saturated_s == 0.0
+    assert 0.1 < run_metrics(run).saturated_s == pytest.approx(1e-3 * acting[:-1].sum(), rel=1e-9)
+    assert run_metrics(moved("analytic", "velocity")).saturated_s == 0.0
 
 
 ARC = {"kind": "arc", "centre": [0.8, 0.5], "angle": -pi, "duration": 3.0}
@@ -329,25 +314,25 @@ def test_when_and_how_the_reference_comes_to_rest(
 
 
 def test_without_motion_there_is_no_overshoot(short: Scenario) -> None:
-    metrics = measured(simulate_run(short, plant="analytic"))
+    metrics = run_metrics(simulate_run(short, plant="analytic"))
     assert (metrics.rest_s, metrics.overshoot_m) == (0.0, None)
     assert metrics.max_rest_error_m == metrics.max_error_m > 0
 
 
 def test_a_run_that_ends_before_rest_says_nothing_of_it(synthetic: Run) -> None:
     for rows in (1, 1000, REST + 1):  # the last has one sample at rest
-        metrics = measured(replace(cut(synthetic, rows), status=RunStatus.SLACK_ROPE))
+        metrics = run_metrics(replace(cut(synthetic, rows), status=RunStatus.SLACK_ROPE))
         assert all(getattr(metrics, name) is None for name in AFTER_REST)
         assert metrics.status == "slack-rope"
-    stopped = measured(replace(cut(synthetic, 3500), status=RunStatus.SLACK_ROPE))
+    stopped = run_metrics(replace(cut(synthetic, 3500), status=RunStatus.SLACK_ROPE))
     assert stopped.settling_time_s is None
-    assert stopped.overshoot_m == measured(synthetic).overshoot_m
+    assert stopped.overshoot_m == run_metrics(synthetic).overshoot_m
     outside = column(synthetic, COLUMN.load, 0.002, slice(-1, None))
-    assert measured(outside).settling_time_s is None, "the load does not stay within the tolerance"
+    assert run_metrics(outside).settling_time_s is None, "the load does not stay within the tolerance"
 
 
-def test_one_sample_is_measured(synthetic: Run) -> None:
-    metrics = measured(cut(synthetic, 1))
+def test_one_sample_is_run_metrics(synthetic: Run) -> None:
+    metrics = run_metrics(cut(synthetic, 1))
     assert metrics.max_error_m == metrics.rms_error_m == metrics.final_error_m > 0.0
     assert metrics.drive_path_m == metrics.drive_energy_j == (0.0, 0.0, 0.0)
     assert metrics.load_path_m == 0.0
@@ -372,11 +357,8 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     table = metrics_table({"one": [run, replace(run, plant="twin")], "none": [none]})
     assert table.headings == ("metric", "unit", f"one\n{run.plant}, twin", f"none\n{run.plant}")
     texts = {row[0].text: (row[1].text, row[2].text) for row in table.rows}
-    assert (
-        len(texts)
-        == len(table.rows)
-        == sum(bool(metric.row.label and metric.row.always) for metric in Metric.all())
-    )
+    always = sum(bool(metric.row.label and metric.row.always) for metric in Metric.all())
+    assert len(texts) == len(table.rows) == always
     assert list(texts)[:3] == ["tracking error, RMS", "tracking error, max", "tracking error, final"]
     assert texts["settling time"] == ("s", "1.000")
     assert texts["residual sway"] == ("°", f"{0.05 / radians(1.0):.3f}")
@@ -394,7 +376,6 @@ def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> Non
     run = RunSummary.of(synthetic, Path())
 
     def with_values(**values: float) -> RunSummary:
-        assert run.metrics is not None
         return replace(run, metrics=replace(run.metrics, values={**run.metrics.values, **values}))
 
     slack = with_values(max_error_m=0.01, min_rope_tension_n=0.0)
