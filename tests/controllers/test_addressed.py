@@ -180,20 +180,6 @@ def test_a_step_that_cannot_be_compiled_is_refused_with_its_line(
     assert f"{Path(__file__).name}:{step.__code__.co_firstlineno + 1}" in caught.value.remedy
 
 
-@pytest.mark.parametrize(
-    "scenario",
-    [path(), path(*SENSED, "effects.limits.acceleration=[0.1,0.1,0.1]", f"effects.limits.force={[1e9] * 3}")],
-)
-@pytest.mark.parametrize("controller", ["pid", "lqr-integral", "flat-velocity"])
-def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: Scenario) -> None:
-    one, other = (
-        simulate_run(scenario, controller=controller, plant="analytic", drive="velocity", compiled=compiled)
-        for compiled in (True, False)
-    )
-    assert np.array_equal(one.table, other.table)
-    assert np.abs(one.block("state")[-1] - one.block("state")[0]).max() > 0.1
-
-
 def test_one_loop_serves_every_controller_and_plant() -> None:
     """The loop is compiled once for all controllers and plants.
 

@@ -12,7 +12,6 @@ from pydantic import BaseModel
 
 from cranectl.planning import load_scenario
 from cranectl.reference import Trajectory
-from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.planning import PlanningSettings
@@ -20,7 +19,7 @@ from cranectl.scenario.recorded import Driven
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Hold, Move, WayPoints
 from cranectl.support.errors import InputError
-from tests.ranges import ends, put, share_of
+from tests.ranges import ends, put, result_or_refusal, share_of
 from tests.reference.recordings import largest_excess
 
 SHARE = 24
@@ -97,20 +96,14 @@ def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
             f"reference.segments=[{text(segment)}]"]  # fmt: skip
 
 
-def scenario_or_error(overrides: list[str]) -> Scenario | InputError:
-    try:
-        return load_scenario("fixed-position", overrides=overrides)
-    except InputError as error:
-        return error
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("case", share_of(CASES, SHARE, ALWAYS_TRIED), ids=lambda case: case[0])
 def test_a_motion_keeps_its_limits_or_is_refused_with_a_remedy(
     case: tuple[str, dict[str, Any], dict[str, Any]],
 ) -> None:
     _, tables, segment = case
-    scenario = scenario_or_error(overrides(tables, segment))
+    changes = overrides(tables, segment)
+    scenario = result_or_refusal(lambda: load_scenario("fixed-position", overrides=changes))
     if isinstance(scenario, InputError):
         assert scenario.found
         assert scenario.remedy

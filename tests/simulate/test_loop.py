@@ -7,7 +7,7 @@ from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.scenario import Scenario
-from cranectl.simulate import Loop, open_run, simulate_run
+from cranectl.simulate import Loop, simulate_run
 from cranectl.simulate.plan import Plan
 from cranectl.simulate.prepared import PreparedController
 from cranectl.simulate.run import Run
@@ -87,15 +87,6 @@ def test_the_rest_of_a_run_has_the_bits_of_the_run() -> None:
     assert rest.table.tobytes() == run.table[123:].tobytes()
     assert rest.time_ns.tobytes() == run.time_ns[123:].tobytes()
     assert (rest.status, rest.end_ns) == (run.status, run.end_ns)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_a_program_that_steps_with_the_same_commands_gets_the_same_bits(plant: str) -> None:
-    run = simulate_run(make_scenario(), plant=plant, drive=DRIVE, controller=CONTROLLER)
-    stepped = open_run(make_scenario(), plant=plant, drive=DRIVE)
-    for command in run.block("input")[:, 3:]:
-        stepped.step(command)
-    assert stepped.recorded().block("state").tobytes() == run.block("state").tobytes()
 
 
 @pytest.mark.parametrize("part", ["memory", "integral", "path"])

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -32,16 +33,28 @@ def same(a: Run, b: Run) -> bool:
     )
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("controller", ["lqr", "pole-placement+hinf", "lqr+loop-shaping"])
-def test_compiled_and_python_loop_give_the_same_bits(controller: str, plant: str, drive: str) -> None:
+SIGNAL_PATH = (  # whose limits act, while the load is brought to rest
+    "reference.segments=[]", "initial.load_offset=[0.3,0.3,0.0]",
+    "effects.sensing={angle_resolution=0.001, seed=3}", "effects.delay.seconds=0.004",
+    "effects.limits={force=[1e9,1e9,1e9], acceleration=[0.5,0.5,0.5], velocity=[0.2,0.2,0.2]}",
+)  # fmt: skip
+LOOPS = [
+    *product(("lqr", "pole-placement+hinf", "lqr+loop-shaping"), PLANTS, DRIVES, [()]),
+    *product(["lqr"], PLANTS, ["velocity"], [SIGNAL_PATH]),
+    *product(("pid", "lqr-integral", "flat-velocity"), ["analytic"], ["velocity"], [(), SIGNAL_PATH]),
+]
+
+
+@pytest.mark.parametrize(("controller", "plant", "drive", "effects"), LOOPS)
+def test_compiled_and_python_loop_give_the_same_bits(
+    controller: str, plant: str, drive: str, effects: tuple[str, ...]
+) -> None:
     """The run has a line and an arc, both disturbances, and two physics steps in a period."""
     overrides = [
         "duration=2.0", "control.physics_step=0.0005", "disturbances.0.start=0.5",
         "disturbances.1.start=1.0", "reference.segments.0.duration=1.5",
         "reference.segments.1.duration=0.5", "reference.segments.0.to=[0.4,0.3,-0.3]",
-        "reference.segments.1.angle=-0.1",
+        "reference.segments.1.angle=-0.1", *effects,
     ]  # fmt: skip
     loaded = load_scenario("settled-trajectory", overrides=overrides)
     runs = [
@@ -52,6 +65,8 @@ def test_compiled_and_python_loop_give_the_same_bits(controller: str, plant: str
     assert len(runs[0].table) == 2001
     assert same(*runs)
     assert np.isfinite(runs[0].table).all()
+    assert np.ptp(runs[0].block("state")[:, :6:2], axis=0).max() > 0.1
+    assert not effects or runs[0].block("command")[:, 3:].any(), "limits act"
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
