@@ -4,8 +4,6 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.log.reader import read_log
-from cranectl.log.writer import write_log
 from cranectl.model import dynamics
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
@@ -102,17 +100,6 @@ def test_a_delayed_command_starts_with_the_forces_that_hold_the_load() -> None:
     run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
     assert run.block("command")[:5, :3] == pytest.approx(np.tile([0.0, 0.0, -9.81], (5, 1)), abs=1e-9)
     assert np.abs(run.block("state")[:, 5]).max() < 1e-6
-
-
-def test_a_log_of_force_drives_comes_back(tmp_path) -> None:
-    scenario = load_scenario("fixed-position", overrides=["duration=0.2", "disturbances=[]"])
-    run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
-    again = read_log(write_log(tmp_path / "force.mcap", [run], every=1))["mujoco"]
-    assert again.drive == "force"
-    (command,) = (group for group in run.groups if group.name == "command")
-    assert [signal.unit for signal in command.signals] == ["N"] * 3 + ["1"] * 3
-    assert again.groups == run.groups
-    assert np.array_equal(again.table, run.table)
 
 
 def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
