@@ -3,7 +3,6 @@
 The cases come from the schemas, so that new keys are tried too (`tests.ranges`).
 """
 
-import json
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Hold, Move, WayPoints
 from cranectl.support.errors import InputError
 from tests.ranges import ends, put, result_or_refusal, share_of
-from tests.reference.recordings import largest_excess
+from tests.reference.recordings import inline, largest_excess
 
 SHARE = 24
 START = [0.5, 0.5, -0.7]
@@ -86,14 +85,9 @@ ALWAYS_TRIED = ("planning.lean", "planning.jerk.0", "hold: duration", "driven: p
 
 
 def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
-    def text(value: Any) -> str:
-        if isinstance(value, dict):
-            return "{" + ", ".join(f"{k}={text(v)}" for k, v in value.items() if v is not None) + "}"
-        return json.dumps(value)
-
-    assignments = [f"{name}={text(table)}" for name, table in tables.items()]
+    assignments = [f"{name}={inline(table)}" for name, table in tables.items()]
     return [*assignments, "disturbances=[]", "duration=600", f"reference.start={START}",
-            f"reference.segments=[{text(segment)}]"]  # fmt: skip
+            f"reference.segments=[{inline(segment)}]"]  # fmt: skip
 
 
 @pytest.mark.filterwarnings("error")

@@ -73,10 +73,6 @@ def with_number(row: int, column: int, value: float) -> Callable[[np.ndarray], n
     return corrupt
 
 
-def unchanged(rows: np.ndarray) -> np.ndarray:
-    return rows
-
-
 def noisy(rows: np.ndarray) -> np.ndarray:
     return rows + [0, 4e-3, 0, 0] * np.random.default_rng(2).normal(size=rows.shape)
 
@@ -87,7 +83,7 @@ WRONG = {
     "spike": (with_number(70, 3, -0.5), {}, "a jump at 1.4 s: sample 71 lies", "leave such samples out"),
     "cut off": (lambda rows: rows[:300], {}, "the samples end in motion, with", "rest"),
     "noisy": (noisy, {"spans": 100}, "the upper end of what its noise leaves open", "fewer knots"),
-    "odd unit": (unchanged, {"units.length": "inch"}, "units.length = 'inch'", ""),
+    "odd unit": (lambda rows: rows, {"units.length": "inch"}, "units.length = 'inch'", ""),
 }
 
 

@@ -18,8 +18,9 @@ SI = f"{PLAIN}units = {{time = 's', length = 'm'}}\n"
 EPOCH = 1_789_452_000_000_000_000  # [ns]
 
 
-def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n") -> str:
-    lines = [separator.join(f"{number:.9f}".replace(".", comma) for number in row) for row in motion()]
+def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n", scale: float = 1.0) -> str:
+    rows = scale * motion()
+    lines = [separator.join(f"{number:.9f}".replace(".", comma) for number in row) for row in rows]
     return end.join([header, *lines, ""])
 
 
@@ -27,11 +28,6 @@ def iso_times() -> list[str]:
     start = datetime.datetime(2026, 9, 15, 6, tzinfo=datetime.UTC)
     times = [start + datetime.timedelta(milliseconds=round(1e3 * t)) for t in motion()[:, 0]]
     return [time.isoformat(timespec="milliseconds") for time in times]
-
-
-def in_millimetres() -> str:
-    lines = [",".join(f"{1e3 * number:.6f}" for number in row) for row in motion()]
-    return "\n".join(["t_ms,x_mm,y_mm,z_mm", *lines, ""])
 
 
 def with_iso_times(separator: str = ",", comma: str = ".") -> str:
@@ -76,7 +72,7 @@ READ = {
     "without names by pandas": (text("0,1,2,3"), f"{SI}columns = {{time = '0', x = '1', y = '2', z = '3'}}"),
     "time stamps": (with_iso_times(), f"{PLAIN}units = {{length = 'm'}}"),
     "units of Parquet": (table({"unit": "mm"}, scale=1e3), PLAIN),
-    "units after names": (in_millimetres(),
+    "units after names": (text("t_ms,x_mm,y_mm,z_mm", scale=1e3),
                           f"{PLAIN}columns = {{time = 't_ms', x = 'x_mm', y = 'y_mm', z = 'z_mm'}}"),
     "unit of MATLAB": (table({"Unit": "mm"}, scale=1e3), PLAIN),
     "decimals": (table({"unit": "m"}, decimals=True), PLAIN),

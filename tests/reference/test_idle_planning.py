@@ -16,6 +16,7 @@ from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
 from cranectl.simulate.idle_settings import RunKind
 from cranectl.support.errors import InputError
+from tests.reference.recordings import inline
 
 RUN_KIND = RunKind("analytic", "velocity", "lqr")
 START = [0.5, 0.5, -0.7]
@@ -110,12 +111,7 @@ def sampled_reference(overrides: list[str]) -> bytes:
 
 
 def as_override(segment: dict[str, Any]) -> str:
-    def text(value: Any) -> str:
-        if isinstance(value, dict):
-            return "{" + ", ".join(f"{key}={text(below)}" for key, below in value.items()) + "}"
-        return json.dumps(value)
-
-    return f"reference.segments=[{text(segment)}]"
+    return f"reference.segments=[{inline(segment)}]"
 
 
 def with_path(segment: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -5,7 +5,6 @@ the same each time; RANGE_CASES=all takes all.
 """
 
 import contextlib
-import json
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from cranectl.scenario.effects import EffectNumbers
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.ranges import ends, put, result_or_refusal, share_of
+from tests.reference.recordings import inline
 
 SHARE = 20
 PAIR = ("elastic", "mujoco")
@@ -42,8 +42,7 @@ ALWAYS_TRIED = ("friction.viscous.0=1", "body.swing_damping=1", "frame.frequency
 
 
 def run_of(plant: str, effect: str, table: dict[str, Any]) -> Run:
-    values = ", ".join(f"{key}={json.dumps(value)}" for key, value in table.items() if value is not None)
-    asked = load_scenario("fixed-position", overrides=[*MOVED, f"effects.{effect}={{{values}}}"])
+    asked = load_scenario("fixed-position", overrides=[*MOVED, f"effects.{effect}={inline(table)}"])
     return simulate_run(asked, plant=plant, drive="velocity", controller="lqr")
 
 
