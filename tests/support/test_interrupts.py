@@ -15,9 +15,8 @@ from cranectl.cli import output
 from cranectl.cli.main import cli, main
 from cranectl.support import reported_when_slow
 from cranectl.support.interrupts import Interruption
+from tests.conftest import ROOT
 from tests.pace import HANG
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)
