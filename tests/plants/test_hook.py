@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from cranectl.planning import load_scenario
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import Body, EffectSettings, Rope
-from tests.conftest import ROOT, closed_loop
+from cranectl.simulate import simulate_run
+from tests.conftest import ROOT
 from tests.plants.cranes import HANGING, RIG, assert_runs_agree, make, simulate
 
 HOOK = Body(hook_offset=0.3, inertia=2e-3, swing_damping=0.0, hook_mass=0.4)
@@ -87,7 +89,9 @@ def assert_agree(a: str, b: str, share: float, drive: Drive, name: str, controll
     """Check agreement to 1e-7 m and rad, and that the hook makes more than a rounding difference."""
     hooked = f"effects.body={{hook_mass={share * RIG.load_mass}}}"
     first, second, other = (
-        closed_loop(name, controller, plant, drive, body, *more)
+        simulate_run(
+            load_scenario(name, overrides=[body, *more]), plant=plant, controller=controller, drive=drive
+        )
         for plant, body in ((a, hooked), (b, hooked), ("elastic", "effects.body={}"))
     )
     assert_runs_agree(first, second)

@@ -19,7 +19,7 @@ from cranectl.simulate.actuation import UnloadedDrives
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS
+from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS, closed_loop
 
 make_plant = ALL_PLANTS.make
 
@@ -79,9 +79,8 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
     largest = []
     for period in (0.001, 0.0005):
         overrides = [f"control.period={period}", "control.physics_step=0.0005", "disturbances=[]"]
-        run = simulate_run(
-            load_scenario("settled-trajectory", overrides=overrides), plant=plant, controller=controller
-        )
+        scenario = load_scenario("settled-trajectory", overrides=overrides)
+        run = simulate_run(scenario, plant=plant, controller=controller)
         assert run.block("error")[0] == pytest.approx(np.zeros(12), abs=1e-12)
         largest.append(np.abs(run.block("error")[run.time <= 1.0, :3]).max())
     assert largest[0] < 2e-5
@@ -89,24 +88,18 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_disturbance_acts_from_its_sample_on(short: Scenario, plant: str) -> None:
-    run = simulate_run(short, plant=plant)
-    d = run.block("disturbance")
-    assert np.flatnonzero(d[:, 0])[0] == 100
-    assert np.flatnonzero(d[:, 1])[0] == 200
+def test_disturbances_act_from_their_sample_to_their_end(plant: str) -> None:
+    alpha, beta = (
+        "joint='alpha', start=0.1, magnitude=1.0",
+        "joint='beta', start=0.2, end=0.3, magnitude=-0.5",
+    )
+    pushed = "duration=0.5", f"disturbances=[{{{alpha}}}, {{{beta}}}]"
+    run = closed_loop("fixed-position", "lqr", plant, "ideal", *pushed)
+    active = [np.flatnonzero(column) for column in run.block("disturbance").T]
+    assert [(samples[0], samples[-1]) for samples in active] == [(100, 500), (200, 299)]
     alpha_rate = run.signal("state.alpha_rate")
     assert not alpha_rate[:101].any()
     assert alpha_rate[101] == pytest.approx(1e-3, rel=1e-3)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_disturbance_ends_at_its_end(plant: str) -> None:
-    scenario = load_scenario(
-        "fixed-position",
-        overrides=["duration=0.5", "disturbances=[{joint='beta', start=0.1, end=0.2, magnitude=-0.5}]"],
-    )
-    active = np.flatnonzero(simulate_run(scenario, plant=plant).signal("disturbance.beta_disturbance"))
-    assert (active[0], active[-1]) == (100, 199)
 
 
 def stop(plant: str, *overrides: str, compiled: bool = True, controller: str = "lqr") -> Run:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cranectl.compare.agreement import agreement_limits, judge
-from cranectl.simulate import Run
-from tests.conftest import closed_loop
+from cranectl.planning import load_scenario
+from cranectl.simulate import Run, simulate_run
 
 PLANTS = ("elastic", "mujoco")
 EFFECTS = ("frame", "rope", "body", "wind", "friction")
@@ -16,7 +16,8 @@ EFFECTS = ("frame", "rope", "body", "wind", "friction")
 def both(scenario: str, effects: Sequence[str], *overrides: str, drive: str = "velocity") -> tuple[Run, Run]:
     """Return the runs of both plants, with the numbers that the rig has for `effects`."""
     shown = [f"effects.{effect}={{}}" for effect in effects]
-    a, b = (closed_loop(scenario, "lqr", plant, drive, *shown, *overrides) for plant in PLANTS)
+    loaded = load_scenario(scenario, overrides=[*shown, *overrides])
+    a, b = (simulate_run(loaded, plant=plant, drive=drive, controller="lqr") for plant in PLANTS)
     return a, b
 
 
