@@ -47,10 +47,3 @@ def test_a_drive_executes_its_gain_times_the_command(plant: str, drive: str) -> 
     if drive == "ideal":
         rates = run.block("state")[:, 1:6:2]
         assert np.diff(rates, axis=0) == pytest.approx(1e-3 * run.block("command")[:-1, :3], abs=1e-9)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_an_installation_without_errors_changes_nothing(plant: str) -> None:
-    short = (*PATH, plant, "ideal", "duration=5.0")
-    plain, same = closed_loop(*short), closed_loop(*short, "effects.installation={}")
-    assert np.array_equal(plain.block("state"), same.block("state"))

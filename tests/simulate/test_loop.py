@@ -14,7 +14,8 @@ from cranectl.status import RunStatus
 from tests.conftest import PLANTS, closed_loop
 
 CONTROLLER, DRIVE = "lqr+loop-shaping", "velocity"
-EFFECTS = ["effects.delay.seconds=0.003", "effects.sensing.seed=3"]
+LIMITS = "effects.limits={force=[1e9,1e9,1e9], velocity=[0.2,0.2,0.2]}"
+EFFECTS = ["effects.delay.seconds=0.003", "effects.sensing.seed=3", LIMITS]
 STOPPING = ["rig.bridge_range=[0.9, 1.05]", "workspace.on_exit='stop'"]
 SIZES = [1, 7, 1000]
 ROWS = 1000  # of records that are overwritten

@@ -33,7 +33,7 @@ def run(*overrides: str, plant: str = "analytic", drive: str = "velocity") -> Ru
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("plant", PLANTS)
-def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
+def test_stages_and_an_installation_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
     plain, staged = (run(*extra, plant=plant, drive=drive) for extra in ([], ["effects.delay.seconds=0.0"]))
     width = plain.table.shape[1]
     assert_array_equal(staged.table[:, :width], plain.table)
@@ -44,6 +44,8 @@ def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
         assert_allclose(commands[0], forces_at_rest(plain.scenario, plain.block("state")[0]), atol=1e-9)
     assert_array_equal(staged.block("command")[:, :3], commands)
     assert not staged.block("command")[:, 3:].any()
+    installed = run("effects.installation={}", plant=plant, drive=drive)
+    assert_array_equal(installed.block("state"), plain.block("state"))
 
 
 def test_commands_arrive_late_by_the_delay() -> None:
@@ -167,14 +169,6 @@ def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
         errors.append(np.linalg.norm(sensed_run.load_position - perfect, axis=1).max())
     assert errors[1] < 0.3 * errors[0]
     assert errors[0] < 2e-3
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_a_session_gives_the_bits_of_a_run(plant: str) -> None:
-    whole = run(*ALL, plant=plant)
-    session = Session(whole.scenario, whole.design, plants=[plant], drive="velocity")
-    pieces = [session.advance(n)[0].table for n in (1, 99, 250, 251)]
-    assert_array_equal(np.vstack(pieces), whole.table)
 
 
 def test_a_stopped_run_keeps_its_columns() -> None:
