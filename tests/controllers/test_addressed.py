@@ -160,10 +160,7 @@ def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no
 
 @pytest.mark.parametrize(
     ("step", "reason"),
-    [
-        (slip, r"cannot be compiled: .*'stifness' is not defined"),
-        (mix, r"found for signature: dot\(float64"),
-    ],
+    [(slip, r"cannot be compiled: .*'stifness' is not defined"), (mix, r"found for signature: dot\(float64")],
 )
 def test_a_step_that_cannot_be_compiled_is_refused_with_its_line(
     step: Callable[..., int], reason: str

@@ -74,10 +74,7 @@ class Fragile(AnalyticPlant):
 def test_an_exception_in_a_kernel_ends_the_run_and_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=["initial.load_offset=[0.02,0.0,0.0]"])
     crane = Fragile(scenario.rig, drive="ideal", step=1e-3, substeps=1)
-    design, plan = (
-        design_controller("lqr", scenario.design),
-        Plan.of(scenario),
-    )
+    design, plan = (design_controller("lqr", scenario.design), Plan.of(scenario))
     controller = PreparedController.of(scenario, design, "ideal", plan)
     run = Loop(plan, crane, controller).run()
     assert run.status == RunStatus.ENGINE_WARNING

@@ -17,15 +17,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.status import RunStatus
-from tests.conftest import (
-    ALL_CONTROLLERS,
-    ALL_SCENARIOS,
-    PAIR,
-    PLANTS,
-    closed_loop,
-    random_states,
-    split,
-)
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, closed_loop, random_states, split
 from tests.plants.cranes import RIG, make, simulate
 
 STEP = 1e-3

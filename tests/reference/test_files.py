@@ -87,11 +87,6 @@ WRONG = {
 }
 
 
-def test_a_missing_time_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="2 times for 4 points"):
-        scenario_of(tmp_path, f"{POINTS}\ntimes = [0.0, 1.0]")
-
-
 @pytest.mark.parametrize("case", WRONG)
 def test_an_impossible_motion_is_refused_with_a_remedy(tmp_path: Path, case: str) -> None:
     corrupt, changes, found, remedy = WRONG[case]

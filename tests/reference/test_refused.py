@@ -1,4 +1,4 @@
-"""Impossible moves are refused before anything is solved, with a remedy."""
+"""Impossible moves and way points are refused before anything is solved, with a remedy."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
 
+CORNER = [[0.4, 0.4, -0.9], [0.4, 0.1, -0.9], [0.4, -0.7, -0.9], [0.4, 0.4, -0.8]]
 MOVE = "reference.segments=[{{kind='move', to={to}{more}}}]"
 WALL = "obstacles=[{{name='wall', low=[0.8, 0.0, -1.4], high=[1.2, 1.54, {top}]}}]"
 
@@ -25,6 +26,10 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
     return MOVE.format(to=to, more=more)
 
 
+def way_points(points: list[list[float]], timing: str = "time_law='minimum-time'") -> str:
+    return f"reference.segments=[{{kind='waypoints', points={points}, {timing}}}]"
+
+
 @pytest.mark.parametrize(
     ("settings", "found", "allowed"),
     [
@@ -35,6 +40,9 @@ def move(to: str = "[1.6, 1.0, -0.6]", more: str = "") -> str:
         ([move(), WALL.format(top=-0.08)], "no way over the obstacle 'wall'", "rope_range begins at 0.05"),
         ([move(), "planning.lean=nan"], "nan", "finite"),
         ([move(), "planning.solver='snopt'"], "unknown key 'planning.solver'", "share, lean"),
+        ([way_points(CORNER, "times=[0.0, 1.0]")], "2 times for 4 points", ""),
+        ([way_points(CORNER)], "however slowly: ", ""),
+        ([way_points([CORNER[0], [0.8, 0.4, -1.8]])], "its end, (0.8, 0.4, -1.8), is out of reach", ""),
         (
             [
                 "reference.segments=[{kind='line', to=[1.6,0.4,-0.9], duration='shortest'}]",
