@@ -77,9 +77,11 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
     Started from rest instead, without the reference's third derivative, it would be a hundred times larger.
     """
     largest = []
+    line = "reference.segments=[{kind='line', to=[1.65,0.77,-0.7], duration=10.0, time_law='degree-5'}]"
     for period in (0.001, 0.0005):
-        overrides = [f"control.period={period}", "control.physics_step=0.0005", "disturbances=[]"]
-        scenario = load_scenario("settled-trajectory", overrides=overrides)
+        steps = f"control.period={period}", "control.physics_step=0.0005"
+        short = line, "duration=10.0", "disturbances=[]"
+        scenario = load_scenario("settled-trajectory", overrides=[*steps, *short])
         run = simulate_run(scenario, plant=plant, controller=controller)
         assert run.block("error")[0] == pytest.approx(np.zeros(12), abs=1e-12)
         largest.append(np.abs(run.block("error")[run.time <= 1.0, :3]).max())
@@ -89,11 +91,9 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_disturbances_act_from_their_sample_to_their_end(plant: str) -> None:
-    alpha, beta = (
-        "joint='alpha', start=0.1, magnitude=1.0",
-        "joint='beta', start=0.2, end=0.3, magnitude=-0.5",
-    )
-    pushed = "duration=0.5", f"disturbances=[{{{alpha}}}, {{{beta}}}]"
+    alpha = "{joint='alpha', start=0.1, magnitude=1.0}"
+    beta = "{joint='beta', start=0.2, end=0.3, magnitude=-0.5}"
+    pushed = "duration=0.5", f"disturbances=[{alpha}, {beta}]"
     run = closed_loop("fixed-position", "lqr", plant, "ideal", *pushed)
     active = [np.flatnonzero(column) for column in run.block("disturbance").T]
     assert [(samples[0], samples[-1]) for samples in active] == [(100, 500), (200, 299)]
