@@ -107,17 +107,3 @@ def test_noisy_samples_are_judged_by_the_upper_end_of_possible_motions(tmp_path:
     write_csv(tmp_path / "teach.csv", noisy(motion()))
     with pytest.raises(InputError, match="upper end"):
         scenario_of(tmp_path, SAMPLES, **limits)
-
-
-@pytest.mark.parametrize(
-    ("content", "found"),
-    [
-        (b"\x89MCAP0\r\n and no more than this", "is an MCAP file, but not of cranectl (truncated)"),
-        (b"t,X,Y,Z\n", "has no line of numbers; its first line is 't,X,Y,Z'"),
-    ],
-)
-def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: bytes, found: str) -> None:
-    (tmp_path / "teach.csv").write_bytes(content)
-    with pytest.raises(InputError) as error:
-        scenario_of(tmp_path, SAMPLES)
-    assert found in error.value.found

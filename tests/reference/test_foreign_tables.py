@@ -119,6 +119,8 @@ def mat() -> bytes:
 REFUSED: dict[str, tuple[bytes, str, str]] = {
     "no header, commas": (b"0;0,4;0,5;-0,6\n0,02;0,4;0,5;-0,6\n", "has no line of names", "time;x;y;z"),
     "comment first": (b"// restarted\n0, 0.4, 0.5\n10, 0.4, 0.5\n", "begins with a comment and has no", ""),
+    "no numbers": (b"t,X,Y,Z\n", "has no line of numbers; its first line is 't,X,Y,Z'", ""),
+    "part of a log": (b"\x89MCAP0\r\n and no more", "is an MCAP file, but not of cranectl (truncated)", ""),
     "bars": (b"time|x|y|z\n0|1|2|3\n", "bars separate the columns", "between its columns"),
     "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in line 2", ""),
     "another line of units": (b"time,x,y,z\ns,mm,mm,mm\n0,1,2,3\n", "that 'x' is in 'mm'", "units"),
