@@ -31,13 +31,9 @@ def run_of(controller: object, scenario: Scenario, **how: object) -> Run:
         return simulate_run(scenario, controller=name, plant="analytic", **how)  # type: ignore[arg-type]
 
 
-def received(run: Run) -> np.ndarray:
-    return run.block("controller")
-
-
 def test_a_controller_receives_state_reference_and_preview() -> None:
     run = run_of(noting(), path())
-    seen, n = received(run), len(run.time_ns)
+    seen, n = run.block("controller"), len(run.time_ns)
     assert np.array_equal(seen[:, :10], run.block("state"))
     assert not seen[:, 10:12].any(), "nothing estimates disturbances"
     for row in range(3):
@@ -57,24 +53,24 @@ def test_load_and_error_are_recorded_of_any_law() -> None:
 
 def test_through_a_signal_path_it_is_given_what_is_measured() -> None:
     run = run_of(noting(), path(*SENSED))
-    assert np.array_equal(received(run)[:, :12], run.block("measurement"))
-    assert received(run)[-1, 10:12].any(), "estimates of disturbances"
+    assert np.array_equal(run.block("controller")[:, :12], run.block("measurement"))
+    assert run.block("controller")[-1, 10:12].any(), "estimates of disturbances"
 
 
 def test_a_controller_that_measures_encoders_receives_five_readings() -> None:
     run = run_of(noting(measures="encoders"), path(*SENSED))
-    readings = received(run)[:, :12]
+    readings = run.block("controller")[:, :12]
     assert readings[:, 3:5] / 0.001 == pytest.approx(np.round(readings[:, 3:5] / 0.001), abs=1e-9)
     assert readings[:, :5] == pytest.approx(run.block("state")[:, ::2], abs=1e-3)
     assert not readings[:, 5:].any()
     plain = run_of(noting(measures="encoders"), path())
-    assert np.array_equal(received(plain)[:, :5], plain.block("state")[:, ::2])
+    assert np.array_equal(plain.block("controller")[:, :5], plain.block("state")[:, ::2])
 
 
 def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() -> None:
     scenario = path()
     run = run_of(noting(follows="set-point"), scenario)
-    rows = received(run)[:, 12:27]
+    rows = run.block("controller")[:, 12:27]
     assert not rows[:, 3:].any()
     ends = np.unique(rows[:, :3], axis=0)
     moving = [segment for segment in scenario.reference.segments if segment.kind == "line"]
@@ -86,17 +82,11 @@ def test_a_controller_that_follows_set_points_receives_the_end_of_the_segment() 
 
 def test_a_slower_controller_steps_less_often_and_its_command_is_held() -> None:
     run = run_of(noting(every=5), path())
-    steps = received(run)[:, 57]
+    steps = run.block("controller")[:, 57]
     assert np.array_equal(steps, np.arange(len(steps)) // 5 + 1)
-    assert np.array_equal(received(run)[:, 0], np.repeat(run.block("state")[::5, 0], 5)[: len(steps)])
-
-
-def setpoints_of(run: Run) -> np.ndarray:
-    return run.block("input")[:, 3:]
-
-
-def rates_of(run: Run) -> np.ndarray:
-    return run.block("state")[:, 1:6:2]
+    assert np.array_equal(
+        run.block("controller")[:, 0], np.repeat(run.block("state")[::5, 0], 5)[: len(steps)]
+    )
 
 
 def test_velocities_become_what_the_drives_make_of_them() -> None:
@@ -110,10 +100,13 @@ def test_velocities_become_what_the_drives_make_of_them() -> None:
         scenario = path(f"control.period={period}", f"control.physics_step={period}", *light)
         ideal, velocity = (run_of(FOLLOWING, scenario, drive=drive) for drive in ("ideal", "velocity"))
         for run in (ideal, velocity):
-            assert setpoints_of(run) == pytest.approx(run.reference[:, 3:6] * (1.0, 1.0, -1.0), abs=1e-15)
-        accelerations = (setpoints_of(ideal) - rates_of(ideal)) / scenario.rig.time_constants
+            assert run.block("input")[:, 3:] == pytest.approx(
+                run.reference[:, 3:6] * (1.0, 1.0, -1.0), abs=1e-15
+            )
+        lags = ideal.block("input")[:, 3:] - ideal.block("state")[:, 1:6:2]
+        accelerations = lags / scenario.rig.time_constants
         assert ideal.block("input")[:, :3] == pytest.approx(accelerations, rel=1e-12, abs=1e-12)
-        accelerations = np.diff(rates_of(velocity), axis=0) / period
+        accelerations = np.diff(velocity.block("state")[:, 1:6:2], axis=0) / period
         assert velocity.block("input")[:-1, :3] == pytest.approx(accelerations, rel=1e-5, abs=1e-6)
         distances.append(np.abs(ideal.load_position - velocity.load_position).max())
     assert distances[0] < 1e-3
@@ -167,10 +160,7 @@ def mix(_parameters, measured, _reference, _memory, command):  # type: ignore[no
 
 @pytest.mark.parametrize(
     ("step", "reason"),
-    [
-        (slip, r"cannot be compiled: .*'stifness' is not defined"),
-        (mix, r"found for signature: dot\(float64"),
-    ],
+    [(slip, r"cannot be compiled: .*'stifness' is not defined"), (mix, r"found for signature: dot\(float64")],
 )
 def test_a_step_that_cannot_be_compiled_is_refused_with_its_line(
     step: Callable[..., int], reason: str
@@ -178,20 +168,6 @@ def test_a_step_that_cannot_be_compiled_is_refused_with_its_line(
     with pytest.raises(InputError, match=reason) as caught:
         run_of(replace(FOLLOWING, step=step), path())
     assert f"{Path(__file__).name}:{step.__code__.co_firstlineno + 1}" in caught.value.remedy
-
-
-@pytest.mark.parametrize(
-    "scenario",
-    [path(), path(*SENSED, "effects.limits.acceleration=[0.1,0.1,0.1]", f"effects.limits.force={[1e9] * 3}")],
-)
-@pytest.mark.parametrize("controller", ["pid", "lqr-integral", "flat-velocity"])
-def test_plain_and_compiled_loop_give_the_same_bits(controller: str, scenario: Scenario) -> None:
-    one, other = (
-        simulate_run(scenario, controller=controller, plant="analytic", drive="velocity", compiled=compiled)
-        for compiled in (True, False)
-    )
-    assert np.array_equal(one.table, other.table)
-    assert np.abs(one.block("state")[-1] - one.block("state")[0]).max() > 0.1
 
 
 def test_one_loop_serves_every_controller_and_plant() -> None:

@@ -11,9 +11,9 @@ from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.report.viewer_layouts import layout_json
 from cranectl.scenario import Scenario
-from cranectl.simulate import PlannedReference, simulate_run
+from cranectl.simulate import PlannedReference
 from cranectl.simulate.prepared import nominal_crane
-from tests.conftest import ROOT
+from tests.conftest import ROOT, closed_loop
 
 NUMBERS = {"velocity": [0.5, 0.4, 0.3], "acceleration": [0.2, 0.15, 6.0], "force": [60.0, 40.0, 30.0]}
 OF_RUN = [f"effects.limits.{name}={value}" for name, value in NUMBERS.items()]
@@ -51,15 +51,13 @@ def test_a_controller_receives_the_limits_of_the_run(law: str) -> None:
 
 
 def test_a_run_is_the_same_whether_the_scenario_or_its_rig_states_them() -> None:
-    push = ["disturbances=[{force=[3.0, -2.0, 0.0], start=0.1, end=0.4}]"]
-    runs = [
-        simulate_run(
-            scenario([*settings, *push]), plant="elastic", drive="velocity", controller="lqr-offset-free"
-        )
+    push = "duration=1.0", "disturbances=[{force=[3.0, -2.0, 0.0], start=0.1, end=0.4}]"
+    stated, of_rig, free = (
+        closed_loop("fixed-position", "lqr-offset-free", "elastic", "velocity", *settings, *push)
         for settings in (OF_RUN, OF_RIG, ["effects.limits={}"])
-    ]
-    assert np.abs(runs[0].block("state") - runs[2].block("state")).max() > 1e-3, "limits act"
-    assert np.array_equal(runs[0].block("state"), runs[1].block("state"))
+    )
+    assert np.abs(stated.block("state") - free.block("state")).max() > 1e-3, "limits act"
+    assert np.array_equal(stated.block("state"), of_rig.block("state"))
 
 
 def test_planning_and_the_panels_that_drive_by_hand_take_the_same() -> None:

@@ -33,6 +33,7 @@ from tests.conftest import ROOT, closed_loop
 
 LAW = LQR_OFFSET_FREE.name
 SENSED = ["effects.sensing={}", "effects.delay.seconds=0.004"]
+FAR_OFF = ["effects.limits={}", "initial.load_offset=[0.3, 0.0, 0.0]", "disturbances=[]"]
 
 
 def polynomial_error(roots: Array, wanted: Array) -> float:
@@ -139,15 +140,8 @@ def test_it_is_certified_with_delay_observer_and_structure(
 @pytest.mark.parametrize("effects", [[], SENSED])
 def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -> None:
     """Limits are a thirteenth of the usual acceleration, and the load starts half a rope length off."""
-    weak = [
-        "rig.effects.limits.acceleration=[0.3, 0.3, 6.0]",
-        "effects.limits={}",
-        "initial.load_offset=[0.3, 0.0, 0.0]",
-        "disturbances=[]",
-        "duration=6.0",
-        *effects,
-    ]
-    run = closed_loop("fixed-position", LAW, "mujoco", "velocity", *weak)
+    weak = "rig.effects.limits.acceleration=[0.3, 0.3, 6.0]"
+    run = closed_loop("fixed-position", LAW, "mujoco", "velocity", weak, *FAR_OFF, "duration=6.0", *effects)
     acceleration = np.abs(run.block("input")[:, 0])
     assert 0.1 < acceleration.max() < 0.3
     assert np.abs(run.block("controller")).max() < 0.05  # nothing pushes, nor does it seem so
@@ -157,15 +151,8 @@ def test_within_the_limits_of_weak_drives_nothing_winds_up(effects: list[str]) -
 @pytest.mark.parametrize(("law", "least", "most"), [(LAW, 0.0, 1e-3), ("lqr-integral", 0.1, 0.3)])
 def test_it_takes_no_saturation_of_a_drive_for_a_disturbance(law: str, least: float, most: float) -> None:
     """At a tenth of the usual speed, with the load 0.3 m off, drives saturate and integrals wind up."""
-    slow = [
-        "rig.effects.limits.velocity=[0.1, 0.1, 0.6]",
-        "effects.limits={}",
-        "initial.load_offset=[0.3, 0.0, 0.0]",
-        "disturbances=[]",
-        "duration=5.0",
-        *SENSED,
-    ]
-    run = closed_loop("fixed-position", law, "mujoco", "velocity", *slow)
+    slow = "rig.effects.limits.velocity=[0.1, 0.1, 0.6]"
+    run = closed_loop("fixed-position", law, "mujoco", "velocity", slow, *FAR_OFF, "duration=5.0", *SENSED)
     assert np.abs(run.block("state")[:, BRIDGE_RATE]).max() == pytest.approx(0.1, rel=0.02)
     assert least <= np.linalg.norm(run.block("error")[-1, :3]) < most
     if law == LAW:

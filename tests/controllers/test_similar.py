@@ -5,7 +5,7 @@ import pytest
 
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
-from cranectl.simulate import simulate_run
+from tests.conftest import closed_loop
 
 HARBOUR = 40.0 / 1.4  # longest rope over the laboratory's
 
@@ -21,25 +21,19 @@ def test_defaults_go_by_their_powers_and_what_is_given_stays() -> None:
 @pytest.mark.parametrize("controller", ["pid", "lqr-integral", "lqr-offset-free", "flat-velocity"])
 def test_a_similar_crane_moves_as_the_small_one_does(controller: str) -> None:
     """A crane 25 times as large moves five times as slowly, and every position is 25 times as large."""
-    large = load_scenario(
-        "fast-diagonal",
-        overrides=[
-            "rig={rated_load=2, rope_range=[1.25, 35], bridge_range=[0, 50], trolley_range=[0, 38.5]}",
-            "reference.start=[7.5, 6.25, -30.0]",
-            "reference.segments=[{kind='line', to=[42.5, 31.25, -12.5], duration=15.0}]",
-            "initial.load_offset=[2.5, -1.25, 0.0]",
-            "duration=20.0",
-            "control={period=0.005, physics_step=0.005}",
-            "disturbances=[]",
-        ],
+    small = "initial.load_offset=[0.1, -0.05, 0.0]", "duration=4.0"
+    large = (
+        "rig={rated_load=2, rope_range=[1.25, 35], bridge_range=[0, 50], trolley_range=[0, 38.5]}",
+        "reference.start=[7.5, 6.25, -30.0]",
+        "reference.segments=[{kind='line', to=[42.5, 31.25, -12.5], duration=15.0}]",
+        "initial.load_offset=[2.5, -1.25, 0.0]",
+        "duration=20.0",
+        "control={period=0.005, physics_step=0.005}",
     )
-    small = load_scenario(
-        "fast-diagonal",
-        overrides=["initial.load_offset=[0.1, -0.05, 0.0]", "disturbances=[]", "duration=4.0"],
+    runs = (
+        closed_loop("fast-diagonal", controller, "analytic", "ideal", "disturbances=[]", *crane)
+        for crane in (small, large)
     )
-    runs = [
-        simulate_run(each, plant="analytic", drive="ideal", controller=controller) for each in (small, large)
-    ]
     positions = [run.block("state")[:4001, :6:2] for run in runs]
     # Defaults on the larger one are rounded to three digits.
     assert np.ptp(positions[0], axis=0).min() > 0.5

@@ -29,6 +29,7 @@ from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from tests.loops import chain_loop, check_margins, modal_response, spectral_residual, swept_peak
 from tests.ranges import ALL, ends, has_found_allowed_and_remedy, put, share_of
+from tests.reference.recordings import inline
 
 SHARE = 8
 SAMPLES = 200 if ALL else 0
@@ -131,12 +132,6 @@ def test_a_design_has_the_properties_that_it_reports_or_is_refused(
     run = simulate_run(scenario, plant="analytic", controller=name)
     assert run.status in (RunStatus.COMPLETED, RunStatus.SLACK_ROPE)  # which strong feedback may ask for
     assert np.isfinite(run.table).all()
-
-
-def inline(value: object) -> str:
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k}={inline(v)}" for k, v in value.items() if v is not None) + "}"
-    return json.dumps(value)
 
 
 def check_gain(design: Design, settings: DesignSettings) -> None:

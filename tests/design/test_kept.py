@@ -1,4 +1,7 @@
-"""Designs stored between processes have the same bits as computed ones, and are never outdated."""
+"""Designs stored between processes have the same bits as computed ones.
+
+`tests/support/test_kept.py` proves that they are never outdated or damaged.
+"""
 
 import importlib
 import subprocess
@@ -10,7 +13,6 @@ import pytest
 from cranectl.design import CONTROLLERS, Design, controllers, design_controller
 from cranectl.scenario import DesignSettings
 from cranectl.support.errors import InputError
-from cranectl.support.provenance import Provenance
 
 # Faces of rooms have functions of these names.
 kept = importlib.import_module("cranectl.support.kept")
@@ -47,33 +49,6 @@ def test_other_settings_are_another_design() -> None:
     fresh("lqr")
     other = fresh("lqr", DesignSettings(input_weight=1.0))
     assert not (other.gain == fresh("lqr").gain).all()
-
-
-@pytest.mark.parametrize("damage", [b"", b"garbage\n{}", b"\xff"])
-def test_what_is_damaged_is_computed_again(tmp_path: Path, damage: bytes) -> None:
-    gain = fresh("lqr").gain
-    (file,) = tmp_path.glob("designs/*.json")
-    whole = file.read_bytes()
-    for content in (damage, whole.replace(b"100", b"101", 1), whole[:-1]):
-        file.write_bytes(content)
-        assert (fresh("lqr").gain == gain).all()
-        assert file.read_bytes() == whole, "and healed"
-
-
-def test_other_software_is_another_design(monkeypatch: pytest.MonkeyPatch) -> None:
-    fresh("lqr")
-    compute_never(monkeypatch)
-    monkeypatch.setattr(Provenance, "installed", lambda: {"scipy": "other"})
-    with pytest.raises(AssertionError, match="computed again"):
-        fresh("lqr")
-
-
-def test_a_place_that_cannot_be_written_costs_time_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setattr(kept, "cache_directory", lambda: tmp_path / "file")
-    assert fresh("lqr").name == "lqr"
 
 
 def test_settings_that_nothing_can_meet_are_kept_nowhere(tmp_path: Path) -> None:

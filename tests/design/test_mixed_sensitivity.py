@@ -60,16 +60,9 @@ def test_the_smallest_gamma_at_small_control_weights(control_weight: float, smal
     assert gamma_min <= achieved <= settings.hinf.back_off * gamma_min * (1 + 1e-4)
 
 
-ENDS = [
-    {key: end}
-    for key, ends in {
-        "peak": (1.001, 1e3),
-        "offset": (1e-6, 1.0),
-        "bandwidth": (1e-3, 1e3),
-        "control_weight": (1e-9, 1e3),
-    }.items()
-    for end in ends
-]
+LOW = {"peak": 1.001, "offset": 1e-6, "bandwidth": 1e-3, "control_weight": 1e-9}
+HIGH = {"peak": 1e3, "offset": 1.0, "bandwidth": 1e3, "control_weight": 1e3}
+ENDS = [{name: number} for ends in (LOW, HIGH) for name, number in ends.items()]
 
 
 @pytest.mark.parametrize("end", [*ENDS, {"bandwidth": 1e3, "offset": 1e-6, "control_weight": 1e-9}])

@@ -4,10 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from cranectl.compare.runs import compare_runs
 from cranectl.plants.plant import Drive
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
 from cranectl.scenario.rig import RigParameters
+from cranectl.simulate import Run
 from tests.conftest import STILL
 
 RIG = RigParameters()
@@ -50,3 +52,11 @@ def state_of(plant: Any) -> np.ndarray:
     state = np.zeros(10)
     plant.measure(state)
     return state
+
+
+def assert_runs_agree(first: Run, second: Run) -> None:
+    """Check that two runs end alike and agree to 1e-7 m and rad."""
+    assert (first.status, first.end_ns) == (second.status, second.end_ns)
+    comparison = compare_runs(first, second)
+    assert comparison.max_load_error_m < 1e-7
+    assert comparison.max_angle_error_rad < 1e-7

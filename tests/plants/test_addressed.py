@@ -16,15 +16,15 @@ from cranectl.simulate.plan import Plan
 from cranectl.status import RunStatus
 from cranectl.support.jit import jit
 from tests.conftest import STILL
+from tests.plants.cranes import make
 
 COMMAND = (0.3, -0.2, 0.1)
 
 
 def plant(load_mass: float = 1.0) -> AnalyticPlant:
+    start = np.array([0.1, 0.2, 0.3, 0.0, 0.8, 0.1, 0.05, 0.2, -0.04, 0.1])
     rig = RigParameters(load_mass=load_mass)
-    made = AnalyticPlant(rig, drive="velocity", step=1e-3, substeps=2)
-    made.reset(np.array([0.1, 0.2, 0.3, 0.0, 0.8, 0.1, 0.05, 0.2, -0.04, 0.1]))
-    return made
+    return make("analytic", drive="velocity", rig=rig, substeps=2, start=start)
 
 
 def after_a_period(of: AnalyticPlant, *, addressed: bool) -> list[float]:
@@ -74,10 +74,7 @@ class Fragile(AnalyticPlant):
 def test_an_exception_in_a_kernel_ends_the_run_and_is_reported(capfd: pytest.CaptureFixture[str]) -> None:
     scenario = load_scenario("fixed-position", overrides=["initial.load_offset=[0.02,0.0,0.0]"])
     crane = Fragile(scenario.rig, drive="ideal", step=1e-3, substeps=1)
-    design, plan = (
-        design_controller("lqr", scenario.design),
-        Plan.of(scenario),
-    )
+    design, plan = (design_controller("lqr", scenario.design), Plan.of(scenario))
     controller = PreparedController.of(scenario, design, "ideal", plan)
     run = Loop(plan, crane, controller).run()
     assert run.status == RunStatus.ENGINE_WARNING

@@ -14,18 +14,13 @@ from cranectl.compare.agreement import judge
 from cranectl.compare.runs import compare_runs
 from cranectl.model import dynamics
 from cranectl.planning import load_scenario
-from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.scenario.effects import NO_EFFECTS
-from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, STILL, random_states, split
+from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, closed_loop, random_states, split
+from tests.plants.cranes import RIG, make, simulate
 
 STEP = 1e-3
-RIG = RigParameters()
 
 
 # Level 0: the same matrices and accelerations, state by state.
@@ -55,7 +50,7 @@ def test_level_0_mass_matrix_bias_and_acceleration() -> None:
 
 def test_level_0_cardan_accelerations_and_tension_with_ideal_drives() -> None:
     """The ideal drives realise the commanded accelerations; the rest follows the mass-free equations."""
-    plant = MujocoPlant(RIG, drive="ideal", step=STEP, substeps=1, effects=NO_EFFECTS)
+    plant = make("mujoco")
     joints = plant.rig.joints
     rng = np.random.default_rng(11)
     for state in random_states(1000, seed=11):
@@ -79,17 +74,10 @@ def test_level_1_open_loop(seed: int) -> None:
     rng = np.random.default_rng(20 + seed)
     amplitude, omega, phase = rng.uniform(0.02, 0.3, 3), rng.uniform(0.5, 4.0, 3), rng.uniform(0, 6, 3)
     amplitude[2] *= 0.2
-    plants = _plants("ideal")
     start = np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, *rng.uniform(-0.4, 0.4, 4)])
-    loads = {name: np.zeros((20_000, 7)) for name in plants}
-    for plant in plants.values():
-        plant.reset(start)
-    for k in range(20_000):
-        command = amplitude * np.cos(omega * k * STEP + phase)
-        for name, plant in plants.items():
-            plant.advance(command, np.zeros(2), STILL, loads[name][k])
-    difference = np.linalg.norm(loads["analytic"][:, :3] - loads["mujoco"][:, :3], axis=1)
-    assert difference.max() < 1e-6
+    commands = amplitude * np.cos(omega * STEP * np.arange(20_000)[:, np.newaxis] + phase)
+    a, b = (simulate(make(name, start=start), len(commands), commands.__getitem__)[1] for name in PAIR)
+    assert np.linalg.norm(a[:, :3] - b[:, :3], axis=1).max() < 1e-6
 
 
 # Level 2: closed loop, every scenario, controller and drive, the whole run. No other test runs all of them.
@@ -119,11 +107,6 @@ def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
         assert pairs == {*itertools.combinations(PLANTS, 2)}
 
 
-def pair(scenario: str, controller: str, overrides: list[str], drive: Drive = "ideal") -> list[Run]:
-    loaded = load_scenario(scenario, overrides=overrides)
-    return [simulate_run(loaded, plant=plant, drive=drive, controller=controller) for plant in PAIR]
-
-
 ANY_RIG = {
     "ideal": [
         ["rig.load_mass=0.001"],
@@ -149,7 +132,8 @@ ANY_RIG = {
 )
 def test_level_2_holds_for_any_rig_and_sampling(drive: Drive, overrides: list[str]) -> None:
     """Neither very light nor very heavy loads, nor other masses, lags, air or slopes make a difference."""
-    assert judge(*pair("fast-diagonal", "lqr", ["duration=5.0", *overrides], drive)).passed
+    a, b = (closed_loop("fast-diagonal", "lqr", plant, drive, "duration=5.0", *overrides) for plant in PAIR)
+    assert judge(a, b).passed
 
 
 HARD = {"fixed-position": 2, "settled-trajectory": 2, "fast-diagonal": 1, "near-slack": 1}
@@ -159,15 +143,10 @@ HARD = {"fixed-position": 2, "settled-trajectory": 2, "fast-diagonal": 1, "near-
 def test_level_2_holds_as_well_under_hard_pushes(scenario: str) -> None:
     """The disturbances are 3 rad/s²; if they were constant over a step, plants would differ by 4e-7 m."""
     overrides = [f"disturbances.{k}.magnitude={3.0 * (-1) ** k}" for k in range(HARD[scenario])]
-    analytic, engine = pair(scenario, "lqr+hinf", overrides)
+    analytic, engine = (closed_loop(scenario, "lqr+hinf", plant, "ideal", *overrides) for plant in PAIR)
     assert np.abs(engine.block("disturbance")).max() == 3.0
     assert analytic.end_ns == engine.end_ns
     assert compare_runs(analytic, engine).max_load_error_m < 1e-10
-
-
-def _plants(drive: str) -> dict[str, AnalyticPlant | MujocoPlant]:
-    kinds = (AnalyticPlant, MujocoPlant)
-    return {kind.name: kind(RIG, drive=drive, step=STEP, substeps=1, effects=NO_EFFECTS) for kind in kinds}
 
 
 def _relative(actual: np.ndarray, expected: np.ndarray) -> float:

@@ -7,17 +7,10 @@ from typing import Any
 import numba
 import numpy as np
 
-from cranectl.plants.analytic import AnalyticPlant, advance, integrate
-from cranectl.plants.analytic_rig import AnalyticRig
+from cranectl.plants.analytic import advance, integrate
 from cranectl.plants.dop853 import STAGES
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings
-from cranectl.scenario.rig import RigParameters
 from tests.conftest import STILL
-
-
-def rig(effects: EffectSettings) -> AnalyticRig:
-    return AnalyticPlant(RigParameters(), drive="ideal", step=1e-3, substeps=1, effects=effects).rig
-
+from tests.plants.cranes import make
 
 WRAPPERS = ("_ZN7cpython", "cfunc.", "NRT_")
 
@@ -43,13 +36,13 @@ def reference_counts(function: Callable[..., Any], *arguments: Any) -> int:
 def test_a_step_without_effects_counts_no_references() -> None:
     """With a branch at run time in `derivative` there were 33, and a run took half as long again."""
     state, work = np.full(10, 0.5), np.zeros((STAGES, 10))
-    arguments = rig(NO_EFFECTS), state, np.zeros(3), np.zeros(2), STILL, work, np.zeros(10)
+    arguments = make("analytic").rig, state, np.zeros(3), np.zeros(2), STILL, work, np.zeros(10)
     assert reference_counts(integrate.py_func, *arguments) == 0
 
 
 def test_a_period_calls_no_other_kernel() -> None:
     """Each call would copy all arrays of the plant: periods took up to twice as long."""
-    plant = AnalyticPlant(RigParameters(), drive="velocity", step=1e-3, substeps=1)
+    plant = make("analytic", drive="velocity")
     arguments = plant.handle, (0.0, 0.0, 0.0), np.zeros(2), STILL, np.zeros(7)
     bodies = compiled_bodies(advance.py_func, *arguments)
     (period,) = (

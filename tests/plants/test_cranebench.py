@@ -51,20 +51,14 @@ def planar_run(start: np.ndarray, force: Force) -> np.ndarray:
 
 def our_run(start: np.ndarray, force: Force, plant: str) -> np.ndarray:
     """Return the same of a crane of ours, whose trolley runs along y."""
-    rig = {
-        "gravity": GRAVITY,
-        "load_mass": LOAD,
-        "rated_load": LOAD,
-        "trolley_mass": TROLLEY,
-        "winch_mass": WINCH,
-    }
     viscous, swing = f"[0.0, {DAMPING[0]}, {DAMPING[1]}]", DAMPING[2]
     scenario = load_scenario(
         "fixed-position",
         overrides=[
             "disturbances=[]", "control.physics_step=0.001", "workspace.on_exit='record'",
             f"duration={DURATION}", f"control.period={PERIOD}", f"reference={{start=[5.0, 0.0, -{ROPE}]}}",
-            *(f"rig.{name}={value}" for name, value in rig.items()), "rig.bridge_mass=1e5",
+            f"rig={{gravity={GRAVITY}, load_mass={LOAD}, rated_load={LOAD}, bridge_mass=1e5}}",
+            f"rig.trolley_mass={TROLLEY}", f"rig.winch_mass={WINCH}",
             "rig.bridge_range=[0,30]", "rig.trolley_range=[-50,60]", "rig.rope_range=[1,60]",
             f"effects.friction={{coulomb=[0,0,0],viscous={viscous},pivot_coulomb=0,pivot_viscous={swing}}}",
         ],

@@ -1,39 +1,26 @@
 """Velocity drives that stand still for set-points below a speed: all plants, to 1e-7 m and rad."""
 
-import functools
-
 import numpy as np
 import pytest
 
-from cranectl.compare.runs import compare_runs
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
-from tests.conftest import PLANTS
+from cranectl.simulate import Run
+from tests.conftest import PLANTS, closed_loop
+from tests.plants.cranes import assert_runs_agree
 
 ZONE = (0.02, 0.03, 0.01)
 
 
-@functools.cache
 def run_with(zone: tuple[float, ...], plant: str, controller: str, *more: str) -> Run:
-    overrides = [f"effects.installation.dead_zone={list(zone)}", "duration=6", *more]
-    scenario = load_scenario("fast-diagonal", overrides=overrides)
-    return simulate_run(scenario, plant=plant, drive="velocity", controller=controller)
-
-
-def assert_agrees(plant: str, controller: str) -> None:
-    first, second = run_with(ZONE, plant, controller), run_with(ZONE, "mujoco", controller)
-    assert (first.status, first.end_ns) == (second.status, second.end_ns)
-    comparison = compare_runs(first, second)
-    assert comparison.max_load_error_m < 1e-7
-    assert comparison.max_angle_error_rad < 1e-7
-    without = run_with((0.0,) * 3, plant, controller)
-    assert np.abs(first.load_position - without.load_position).max() > 1e-3
+    dead_zone = f"effects.installation.dead_zone={list(zone)}"
+    return closed_loop("fast-diagonal", controller, plant, "velocity", dead_zone, "duration=6", *more)
 
 
 @pytest.mark.parametrize("controller", ["lqr", "pid"])
 @pytest.mark.parametrize("plant", [name for name in PLANTS if name != "mujoco"])
 def test_plants_agree(plant: str, controller: str) -> None:
-    assert_agrees(plant, controller)
+    with_zone, without = (run_with(zone, plant, controller) for zone in (ZONE, (0.0,) * 3))
+    assert_runs_agree(with_zone, run_with(ZONE, "mujoco", controller))
+    assert np.abs(with_zone.load_position - without.load_position).max() > 1e-3
 
 
 def test_the_servo_gets_nothing_or_the_whole_set_point_times_its_gain() -> None:

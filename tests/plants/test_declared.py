@@ -122,12 +122,6 @@ def test_a_campaign_does_not_vary_what_changes_nothing(registered: Any, tmp_path
         load_campaign(tmp_path / "mine.toml")
 
 
-@pytest.mark.parametrize("declared", [{"lacks": {"wnid": "no"}}, {"fixed": {"mass": 1.0}}])
-def test_a_declaration_of_what_there_is_not_is_refused(declared: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="of the plant mine"):
-        PlantEntry(name="mine", label="mine", colour="series-4", where="a:B", batch=0, **declared)
-
-
 @pytest.mark.parametrize("name", ["analytic", "elastic", "mujoco"])
 @pytest.mark.parametrize("drive", DRIVES)
 def test_the_plants_of_the_package_keep_what_they_declare(registered: Any, name: str, drive: Any) -> None:

@@ -4,27 +4,21 @@ import mujoco
 import numpy as np
 import pytest
 
-from cranectl.log.reader import read_log
-from cranectl.log.writer import write_log
 from cranectl.model import dynamics
-from cranectl.planning import load_scenario
-from cranectl.plants.analytic import AnalyticPlant, derivative, drive_accelerations, observe_load
+from cranectl.plants.analytic import derivative, drive_accelerations, observe_load
 from cranectl.plants.mujoco.disturbed_step import push_load
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.surroundings import STICTION_RATE, gravity_in_rig
-from cranectl.scenario.effects import NO_EFFECTS, EffectSettings, Friction, Installation, Wind
+from cranectl.scenario.effects import EffectSettings, Friction, Installation, Wind
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import simulate_run
-from cranectl.simulate.actuation import BRAKING
-from tests.conftest import PLANTS, STILL, random_states, split
+from tests.conftest import PAIR, PLANTS, STILL, closed_loop, random_states, split
+from tests.plants.cranes import make
 
 RIG = RigParameters(load_mass=1.7, winch_mass=0.3)
 
 
 def test_plants_accelerate_alike_under_forces_and_a_disturbance() -> None:
     """At 1000 states, tension included."""
-    analytic = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1)
-    engine = MujocoPlant(RIG, drive="force", step=1e-3, substeps=1, effects=NO_EFFECTS)
+    analytic, engine = (make(name, drive="force", rig=RIG) for name in PAIR)
     joints, rates, rng = engine.rig.joints, engine.rig.rates, np.random.default_rng(3)
     rate, load = np.zeros(10), np.zeros(7)
     for state in random_states(1000, seed=3):
@@ -53,7 +47,7 @@ def test_drives_feel_air_joint_and_slope_as_generalised_forces() -> None:
     effects = EffectSettings(
         wind=Wind(drag_area=0.4, density=1.3), friction=friction, installation=Installation(tilt=(0.1, -0.2))
     )
-    plant = AnalyticPlant(RIG, drive="force", step=1e-3, substeps=1, effects=effects)
+    plant = make("analytic", effects, drive="force", rig=RIG)
     gravity = np.array(gravity_in_rig(RIG.gravity, effects))
     rng, rate, load = np.random.default_rng(4), np.zeros(10), np.zeros(7)
     for state in random_states(50, seed=4):
@@ -83,12 +77,10 @@ def test_forces_for_the_nominal_rig_cause_the_commanded_accelerations(plant: str
     """Without disturbances force drives move as ideal drives, except that forces are constant in a period."""
     largest = []
     for period in (0.001, 0.0005):
-        scenario = load_scenario(
-            "fast-diagonal", overrides=["duration=4.0", "disturbances=[]", f"control.period={period}",
-                                        "control.physics_step=0.0005"]
-        )  # fmt: skip
+        steps = f"control.period={period}", "control.physics_step=0.0005"
         force, ideal = (
-            simulate_run(scenario, plant=plant, drive=d, controller="lqr") for d in ("force", "ideal")
+            closed_loop("fast-diagonal", "lqr", plant, drive, "duration=4.0", "disturbances=[]", *steps)
+            for drive in ("force", "ideal")
         )
         largest.append(np.abs(force.load_position - ideal.load_position).max())
     assert largest[0] < 1e-4
@@ -96,35 +88,7 @@ def test_forces_for_the_nominal_rig_cause_the_commanded_accelerations(plant: str
 
 
 def test_a_delayed_command_starts_with_the_forces_that_hold_the_load() -> None:
-    scenario = load_scenario(
-        "fixed-position", overrides=["duration=0.5", "disturbances=[]", "effects.delay.seconds=0.005"]
-    )
-    run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
+    still = "duration=0.5", "disturbances=[]", "effects.delay.seconds=0.005"
+    run = closed_loop("fixed-position", "lqr", "mujoco", "force", *still)
     assert run.block("command")[:5, :3] == pytest.approx(np.tile([0.0, 0.0, -9.81], (5, 1)), abs=1e-9)
     assert np.abs(run.block("state")[:, 5]).max() < 1e-6
-
-
-def test_a_log_of_force_drives_comes_back(tmp_path) -> None:
-    scenario = load_scenario("fixed-position", overrides=["duration=0.2", "disturbances=[]"])
-    run = simulate_run(scenario, plant="mujoco", drive="force", controller="lqr")
-    again = read_log(write_log(tmp_path / "force.mcap", [run], every=1))["mujoco"]
-    assert again.drive == "force"
-    (command,) = (group for group in run.groups if group.name == "command")
-    assert [signal.unit for signal in command.signals] == ["N"] * 3 + ["1"] * 3
-    assert again.groups == run.groups
-    assert np.array_equal(again.table, run.table)
-
-
-def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
-    """An updraught of 14 N on a load of 9.8 N, which so heavy a winch does not follow."""
-    overrides = ["effects.rope.on_slack='recover'", "effects.rope.mass=0.0", "expected='completed'"]
-    wind = ["effects.wind.mean=[0.0,0.0,80.0]", "effects.wind.gust=0.0"]
-    heavy = ["rig.winch_mass=20.0", "duration=1.0"]
-    scenario = load_scenario("slack-rope", overrides=[*overrides, *wind, *heavy])
-    run = simulate_run(scenario, plant="mujoco", drive="force")
-    slack = run.tension <= 0.0
-    first = int(np.argmax(slack)) + 2
-    assert slack[first:].all()
-    rates = run.block("state")[first:, 1:6:2]
-    assert np.abs(rates[0]).max() > 1e-3
-    assert np.diff(rates, axis=0) == pytest.approx(rates[:-1] * -1e-3 / BRAKING, rel=1e-6, abs=1e-12)

@@ -4,18 +4,12 @@ import numpy as np
 import pytest
 
 from cranectl.model.dynamics import axis_masses, drive_forces
-from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.surroundings import gravity_in_rig
 from cranectl.scenario.effects import EffectSettings, Installation
-from cranectl.simulate import Run, simulate_run
-from tests.conftest import PLANTS
+from tests.conftest import PLANTS, closed_loop
 
-
-def run_with(installation: str, plant: str, drive: str = "ideal", *more: str) -> Run:
-    overrides = ["duration=2.0", "disturbances=[]", f"effects.installation={installation}", *more]
-    scenario = load_scenario("fast-diagonal", overrides=["reference.segments=[]", *overrides])
-    return simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+PATH = "fast-diagonal", "lqr"
 
 
 def test_gravity_of_sloping_rails_keeps_its_size() -> None:
@@ -29,24 +23,23 @@ def test_gravity_of_sloping_rails_keeps_its_size() -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_wrong_zero_of_the_rope_leaves_the_load_that_much_off(plant: str) -> None:
     """The tracker controls the length that the encoder reads, so the load hangs 1 cm too high."""
-    run = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0")
+    held = ["duration=12.0", "disturbances=[]", "reference.segments=[]"]
+    wrong = (*PATH, plant, "ideal", *held, "effects.installation={rope_offset=0.01}")
+    run, sensed = closed_loop(*wrong), closed_loop(*wrong, "effects.sensing={}")
     apart = run.load_position[-1] - run.reference[-1, :3]
     assert apart == pytest.approx([0.0, 0.0, 0.01], abs=1e-4)
-    sensed = run_with("{rope_offset=0.01}", plant, "ideal", "duration=12.0", "effects.sensing={}")
     assert sensed.block("load")[-1, 2] - sensed.reference[-1, 2] == pytest.approx(0.01, abs=3e-4)
 
 
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("drive", DRIVES)
 def test_a_drive_executes_its_gain_times_the_command(plant: str, drive: str) -> None:
-    scenario = load_scenario(
-        "fast-diagonal", overrides=["duration=5.0", "effects.installation={drive_gain=[1.1, 0.9, 1.05]}"]
-    )
-    run = simulate_run(scenario, plant=plant, drive=drive, controller="lqr")
+    gains = "effects.installation={drive_gain=[1.1, 0.9, 1.05]}"
+    run = closed_loop(*PATH, plant, drive, "duration=5.0", gains)
     first = 0 if drive == "ideal" else 3
     commanded = run.block("input")[:, first : first + 3]
     if drive == "force":
-        masses = axis_masses(scenario.rig)
+        masses = axis_masses(run.scenario.rig)
         rows = zip(run.block("measurement"), run.block("input"), strict=True)
         commanded = np.array([drive_forces(masses, state, *command[:3]) for state, command in rows])
     assert np.abs(commanded).max() > 0.1
@@ -54,11 +47,3 @@ def test_a_drive_executes_its_gain_times_the_command(plant: str, drive: str) -> 
     if drive == "ideal":
         rates = run.block("state")[:, 1:6:2]
         assert np.diff(rates, axis=0) == pytest.approx(1e-3 * run.block("command")[:-1, :3], abs=1e-9)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_an_installation_without_errors_changes_nothing(plant: str) -> None:
-    scenario = load_scenario("fast-diagonal", overrides=["duration=5.0"])
-    believed = load_scenario("fast-diagonal", overrides=["duration=5.0", "effects.installation={}"])
-    plain, same = (simulate_run(s, plant=plant, controller="lqr") for s in (scenario, believed))
-    assert np.array_equal(plain.block("state"), same.block("state"))

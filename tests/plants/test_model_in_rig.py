@@ -140,16 +140,12 @@ def test_a_number_of_the_rig_may_be_rounded(
 
 
 def test_the_numbers_of_a_model_are_not_rounded(tmp_path: Path) -> None:
-    """So a rig may state them exactly: a gain of 60 N s/m moves 2.5 kg with a lag of 2.5 / 60 s."""
+    """A gain of 60 N s/m moves 2.5 kg with a lag of 2.5 / 60 s."""
     (drive,) = re.findall(r'<(?:velocity|general) name="trolley_drive"[^>]*>', Shipped.MODEL_FILE.read_text())
     slower = '<velocity name="trolley_drive" joint="trolley_position" kv="60"/>'
     model = crane_with(tmp_path, (drive, slower))
     lag = PLANTS.find(str(model), RigParameters()).fixed["trolley_time_constant"]
     assert lag == pytest.approx(2.5 / 60, rel=1e-12)
-    for stated in (0.0416666666667, 0.0416667):
-        overrides = [f"rig.trolley_time_constant={stated}", "duration=0.05", "disturbances=[]"]
-        scenario = load_scenario("fixed-position", overrides=overrides)
-        assert simulate_run(scenario, plant=str(model), drive="velocity").status.label == "completed"
 
 
 def test_what_a_model_takes_but_ignores_is_refused(tmp_path: Path) -> None:

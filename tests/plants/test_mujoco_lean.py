@@ -9,12 +9,12 @@ import pytest
 from cranectl.plants.mujoco import plant as plant_module
 from cranectl.plants.mujoco.geometry import draw_to_scale
 from cranectl.plants.mujoco.model import compiled_model, model_description, model_spec
-from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.scenario.effects import NO_EFFECTS, Body, DriveLimits, EffectSettings, Frame, Friction, Rope
 from cranectl.scenario.rig import RigParameters
+from tests.plants.cranes import RIG, make, simulate
 
-RIG = RigParameters()
+START = np.array([1.0, 0.0, 0.7, 0.0, 0.7, 0.0, 0.2, 0.3, -0.3, 0.1])
 PHYSICAL = {
     "limits": DriveLimits(force=(200.0, 100.0, 60.0)),
     "friction": Friction(),
@@ -27,14 +27,10 @@ SETS = [names for count in (0, 1, 2, 5) for names in itertools.combinations(PHYS
 
 def course(drive: Drive, effects: EffectSettings) -> np.ndarray:
     """States and loads of a crane that moves all its joints."""
-    plant = MujocoPlant(RIG, drive=drive, step=1e-4 if effects.rope else 1e-3, substeps=5, effects=effects)
-    plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.7, 0.0, 0.2, 0.3, -0.3, 0.1]))
-    rows = np.zeros((100, 17))
-    for k, row in enumerate(rows):
-        command = np.array([0.2, -0.15, 0.1]) * np.sin(0.1 * k)
-        plant.measure(row[:10])
-        plant.advance(command, np.array([1.0, -2.0]), np.array([3.0, 1.0, 0.0, 0.3, 0.2, 0.1]), row[10:])
-    return rows
+    step, wind = 1e-4 if effects.rope else 1e-3, np.array([3.0, 1.0, 0.0, 0.3, 0.2, 0.1])
+    plant = make("mujoco", effects, drive=drive, step=step, substeps=5, start=START)
+    command = lambda k: np.array([0.2, -0.15, 0.1]) * np.sin(0.1 * k)  # noqa: E731
+    return np.hstack(simulate(plant, 100, command, (1.0, -2.0), wind))
 
 
 def drawn_model(rig: RigParameters, drive: Drive, step: float, effects: EffectSettings) -> mujoco.MjModel:
@@ -68,8 +64,7 @@ def test_nothing_that_is_drawn_is_left_in_the_model_of_a_run() -> None:
 
 def test_the_engine_does_not_look_at_a_clock() -> None:
     """Its timers, which cost a quarter of a step, stay at zero."""
-    plant = MujocoPlant(RIG, drive="ideal", step=1e-3, substeps=1, effects=NO_EFFECTS)
-    plant.reset(np.array([1.0, 0.0, 0.7, 0.0, 0.8, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    plant = make("mujoco")
     mujoco.mj_step(plant.model, plant.data, 100)
     timer = plant.data.timer[mujoco.mjtTimer.mjTIMER_STEP]
     assert timer.number >= 100

@@ -9,7 +9,7 @@ from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.scenario.rig import ModelNames
 from cranectl.support.resources import Shipped
-from tests.plants.own_models import MODELS, NAMES, changed, crane_with
+from tests.plants.own_models import MODELS, NAMES, changed
 
 WIRE = (
     '<spatial name="wire" stiffness="9" springlength="0.1"><site site="pivot"/><site site="load"/></spatial>'
@@ -73,8 +73,11 @@ MUTANTS = {
 }  # fmt: skip
 
 
-def differences_of(file: Path, name: str = "") -> tuple[ModelDifference, ...]:
-    return find_differences(open_model(file, NAMES.get(name, ModelNames())))
+def differences_of(name: str, folder: Path, *changes: tuple[str, str]) -> tuple[ModelDifference, ...]:
+    """Return what the check finds in a model with `changes` of its text."""
+    shutil.copytree(MODELS / "parts", folder / "parts")
+    model = Shipped.MODEL_FILE if name == "crane" else MODELS / f"{name}.xml"
+    return find_differences(open_model(changed(model, folder, *changes), NAMES.get(name, ModelNames())))
 
 
 @pytest.mark.parametrize(
@@ -84,27 +87,28 @@ def test_each_difference_is_named_with_its_size(
     name: str, mutant: tuple[str, str, str, float, str], tmp_path: Path
 ) -> None:
     old, new, what, size, cause = mutant
-    shutil.copytree(MODELS / "parts", tmp_path / "parts")
-    model = Shipped.MODEL_FILE if name == "crane" else MODELS / f"{name}.xml"
-    differences = differences_of(changed(model, tmp_path, (old, new)), name)
+    differences = differences_of(name, tmp_path, (old, new))
     (difference,) = [difference for difference in differences if difference.what == what]
     assert difference.size == pytest.approx(size, rel=0.5)
     assert cause in difference.meaning
 
 
-def test_three_cranes_do_not_differ(tmp_path: Path) -> None:
-    """Nor does one with an actuator that nobody commands, and with end stops at the place of the file."""
-    idle = ('<velocity name="bridge_drive"', '<motor name="idle" joint="beta"/><velocity name="bridge_drive"')
-    for file in (Shipped.MODEL_FILE, crane_with(tmp_path, idle), MODELS / "tendon.xml"):
-        assert differences_of(file) == ()
-    assert differences_of(MODELS / "hall.xml", "hall") == ()
+DRIVE = '<velocity name="bridge_drive"'
+SAME = {
+    "the shipped crane": ("crane", ()),
+    "an actuator that nobody commands": ("crane", [(DRIVE, f'<motor name="idle" joint="beta"/>{DRIVE}')]),
+    "a tendon": ("tendon", ()),
+    "end stops at the place of the file": ("hall", ()),
+    "a trolley without weight": ("tendon", [('name="trolley"', 'name="trolley" gravcomp="0.5"')]),
+    "armature of a drive": ("tendon", [('name="x"', 'name="x" armature="3"')]),
+    "inertias that do not turn": (
+        "tendon",
+        [('mass="6" diaginertia="1 1 1"', 'mass="6" diaginertia="9 9 9"')],
+    ),
+}
 
 
-def test_what_changes_nothing_is_no_difference(tmp_path: Path) -> None:
-    """A trolley without weight, and inertias that do not turn, leave the crane the same."""
-    for model, old, new in (
-        ("tendon", 'name="trolley"', 'name="trolley" gravcomp="0.5"'),
-        ("tendon", 'name="x"', 'name="x" armature="3"'),
-        ("tendon", 'mass="6" diaginertia="1 1 1"', 'mass="6" diaginertia="9 9 9"'),
-    ):
-        assert differences_of(changed(MODELS / f"{model}.xml", tmp_path, (old, new))) == ()
+@pytest.mark.parametrize("what", SAME)
+def test_what_leaves_the_crane_the_same_is_no_difference(what: str, tmp_path: Path) -> None:
+    name, changes = SAME[what]
+    assert differences_of(name, tmp_path, *changes) == ()

@@ -17,19 +17,24 @@ from tests.plants.own_models import MODELS, changed
 from tests.shadowing_modules import write_shadowing_modules
 
 TENDON = MODELS / "tendon.xml"
-ASSET = "<asset>{}</asset><worldbody>"
 ALLOWED_GROWTH = 100_000  # [KiB] of memory by a refusal; the models ask for a gigabyte or more
+
+
+def asset(text: str) -> tuple[str, str]:
+    """Return the change of the model that gives it an asset."""
+    return "<worldbody>", f"<asset>{text}</asset><worldbody>"
+
 
 # By what is asked for: the text of the model that is replaced, and the new one.
 TOO_LARGE = {
-    "900000000 pixels or points in <texture>": ("<worldbody>", ASSET.format(
-        '<texture name="t" type="2d" builtin="flat" width="30000" height="30000"/>')),
-    "600000000 pixels or points in <texture>": ("<worldbody>", ASSET.format(  # of six faces
-        '<texture name="t" builtin="flat" width="10000"/>')),
-    "32000000 pixels or points in <texture>": ("<worldbody>", ASSET.format("".join(
-        f'<texture name="t{k}" type="2d" builtin="flat" width="4000" height="4000"/>' for k in range(2)))),
-    "400000000 pixels or points in <hfield>": ("<worldbody>", ASSET.format(
-        '<hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/>')),
+    "900000000 pixels or points in <texture>": asset(
+        '<texture name="t" type="2d" builtin="flat" width="30000" height="30000"/>'),
+    "600000000 pixels or points in <texture>": asset(  # of six faces
+        '<texture name="t" builtin="flat" width="10000"/>'),
+    "32000000 pixels or points in <texture>": asset("".join(
+        f'<texture name="t{k}" type="2d" builtin="flat" width="4000" height="4000"/>' for k in range(2))),
+    "400000000 pixels or points in <hfield>": asset(
+        '<hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/>'),
     "500000000 nuserdata in <size>": ("<worldbody>", '<size nuserdata="5e8"/><worldbody>'),
     "1000000000 nuser_geom in <size>": ("<worldbody>", '<size nuser_geom="1000000000"/><worldbody>'),
     "5.36870912e+11 memory in <size>": ("<worldbody>", '<size memory="500G"/><worldbody>'),
@@ -40,7 +45,7 @@ TOO_LARGE = {
         "</worldbody>",
         2 * '<replicate count="1000">' + '<geom size="1"/>' + 2 * "</replicate>" + "</worldbody>",
     ),
-    "12 params in <mesh>": ("<worldbody>", ASSET.format('<mesh name="m" builtin="sphere" params="12"/>')),
+    "12 params in <mesh>": asset('<mesh name="m" builtin="sphere" params="12"/>'),
     "infinitely many": ("<worldbody>", '<size nuserdata="nan"/><worldbody>'),
 }  # fmt: skip
 
@@ -60,12 +65,12 @@ def test_as_much_as_is_allowed_is_taken(tmp_path: Path) -> None:
     text = '<texture name="t" type="2d" builtin="flat" width="512" height="512"/><mesh name="m" '
     text += 'builtin="sphere" params="3"/>'
     size = '<size memory="10M" nuserdata="1000"/><worldbody>'
-    file = changed(TENDON, tmp_path, ("<worldbody>", ASSET.format(text)), ("<worldbody>", size))
+    file = changed(TENDON, tmp_path, asset(text), ("<worldbody>", size))
     assert spec_of_file(file, ModelNames()).compile().nuserdata == 1000
 
 
 def mesh(name: str) -> tuple[str, str]:
-    return "<worldbody>", ASSET.format(f'<mesh name="m" file="{name}"/>')
+    return asset(f'<mesh name="m" file="{name}"/>')
 
 
 def test_only_regular_files_in_the_folder_of_the_model_are_read(tmp_path: Path) -> None:
@@ -76,16 +81,23 @@ def test_only_regular_files_in_the_folder_of_the_model_are_read(tmp_path: Path) 
     os.mkfifo(tmp_path / "pipe.xml")
     (tmp_path / "outside.xml").write_text("<no XML")
     (folder / "link.obj").symlink_to("/dev/zero")
+    (folder / "link.xml").symlink_to(tmp_path / "outside.xml")
+    (folder / "sub.xml").write_text('<mujoco><asset><mesh name="m" file="../m.obj"/></asset></mujoco>')
     (folder / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(8) + 2 * (30000).to_bytes(4, "big"))
-    picture = '<texture name="t" type="2d" file="picture.png"/>'
+    picture = asset('<texture name="t" type="2d" file="picture.png"/>')
     for change, said in (
         (mesh("pipe.obj"), "reads pipe.obj, which is a directory, a pipe or a device"),
         (mesh("sub.obj"), "reads sub.obj, which is a directory, a pipe or a device"),
         (mesh("link.obj"), "reads link.obj"),
         (mesh("/dev/zero"), "reads /dev/zero"),
-        (("<worldbody>", '<include file="../pipe.xml"/><worldbody>'), "reads ../pipe.xml"),
-        (("<worldbody>", '<include file="../outside.xml"/><worldbody>'), "reads ../outside.xml"),
-        (("<worldbody>", ASSET.format(picture)), "asks for 900000000 pixels in picture.png"),
+        (mesh("/etc/m.obj"), "reads /etc/m.obj"),
+        *(
+            (("<worldbody>", f'<include file="{name}"/><worldbody>'), f"reads {name}")
+            for name in ("../pipe.xml", "../outside.xml", "link.xml")
+        ),
+        (asset('<model name="sub" file="sub.xml"/>'), "reads ../m.obj"),
+        (asset('<texture name="t" type="cube" fileup="../a.png"/>'), "reads ../a.png"),
+        (picture, "asks for 900000000 pixels in picture.png"),
     ):
         with pytest.raises(InputError, match=re.escape(said)) as error:
             spec_of_file(changed(TENDON, folder, change), ModelNames())

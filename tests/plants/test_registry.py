@@ -2,12 +2,13 @@
 
 import json
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from cranectl.cli.main import main
 from cranectl.plants import registry
-from cranectl.plants.registry import PLANTS, Plants, register_plant
+from cranectl.plants.registry import PLANTS, PlantEntry, Plants, register_plant
 from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 
@@ -60,6 +61,20 @@ def test_one_plant_lacks_nothing_so_that_every_refusal_has_a_remedy() -> None:
 def test_a_name_that_is_taken_or_cannot_be_a_topic_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="a plant named"):
         register_plant(replace(PLANTS["analytic"], name=name))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"colour": "red"}, {"label": ""}, {"label": "a\nb"}, {"label": "a" * 41}),  # it cannot be shown
+        *({"lacks": {"wnid": "no"}}, {"fixed": {"mass": 1.0}}),  # there is no such thing
+    ],
+    ids=str,
+)
+def test_a_wrong_declaration_is_refused_at_once(wrong: dict[str, Any]) -> None:
+    right = {"name": "mine", "label": "mine", "colour": "series-4", "where": "a:B", "batch": 0}
+    with pytest.raises(InputError, match="of the plant mine"):
+        PlantEntry(**{**right, **wrong})
 
 
 def test_the_order_is_the_registrys_and_the_reference_mujoco_or_the_last() -> None:

@@ -36,6 +36,7 @@ OTHER = {
     "frame": {"frequency": (8.0, 9.0), "damping_ratio": 0.0, "mass": 10.0},
     "installation": {"tilt": (0.01, -0.02)},
 }
+NO_PART_OF_A_PLANT = {"rated_load", "effects", "look", "model", "plant"}
 NO_PART_OF_THE_MODEL = {"velocity", "acceleration", "on_slack", "drive_gain", "dead_zone", "rope_offset"}
 OTHER_RIG = RigParameters(
     gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.5), rope_range=(0.1, 1.3), bridge_mass=5.0,
@@ -46,13 +47,7 @@ OTHER_RIG = RigParameters(
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
     """Yield rig and effects with each parameter changed alone, then with all changed."""
-    for name in set(RigParameters.model_fields) - {
-        "rated_load",
-        "effects",
-        "look",
-        "model",
-        "plant",
-    }:  # what no plant is made of
+    for name in set(RigParameters.model_fields) - NO_PART_OF_A_PLANT:
         value = getattr(OTHER_RIG, name)
         assert value != getattr(RigParameters(), name)
         yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS

@@ -4,22 +4,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cranectl.planning import load_scenario
 from cranectl.scenario.effects import EffectSettings, Wind
-from cranectl.simulate import Run, simulate_run
+from tests.conftest import PLANTS, closed_loop
 
 
-def run(plant: str, *overrides: str) -> Run:
-    scenario = load_scenario("settled-trajectory", overrides=["duration=20.0", *overrides])
-    return simulate_run(scenario, plant=plant, controller="lqr")
-
-
-@pytest.mark.parametrize("plant", ["analytic", "elastic", "mujoco"])
+@pytest.mark.parametrize("plant", PLANTS)
 def test_a_vertical_force_alone_acts(plant: str) -> None:
     """It takes its part of the weight off the rope."""
     held = ["reference.segments=[]", "reference.start=[1.0,0.77,-0.7]", "duration=0.1"]
     still, lifted = (
-        run(plant, *held, f"disturbances=[{force}]").signal("load.rope_tension")
+        closed_loop("settled-trajectory", "lqr", plant, "ideal", *held, f"disturbances=[{force}]").tension
         for force in ("", "{force=[0.0,0.0,2.0],start=0.0}")
     )
     assert_allclose(still[1:] - lifted[1:], 2.0, rtol=1e-6)

@@ -221,14 +221,6 @@ def test_a_plant_known_from_a_log_only_cannot_be_run(monkeypatch: pytest.MonkeyP
     assert PLANTS["mujoco"].label == "MuJoCo"
 
 
-@pytest.mark.parametrize("wrong", [{"colour": "red"}, {"label": ""}, {"label": "a\nb"}, {"label": "a" * 41}])
-def test_a_plant_that_cannot_be_shown_is_refused_at_once(wrong: dict[str, str]) -> None:
-    with pytest.raises(InputError, match="of the plant mine"):
-        PlantEntry(
-            **{"name": "mine", "label": "mine", "colour": "series-4", "where": "a:B", "batch": 0, **wrong}
-        )
-
-
 def test_a_plant_of_an_installed_package_is_found_by_every_process(tmp_path: Path) -> None:
     """Nothing is imported or registered by hand; another version of the package is another software."""
     entry_points = "[cranectl.plants]\nheavy = heavy_plant:HEAVY"

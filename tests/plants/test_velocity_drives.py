@@ -4,22 +4,17 @@ import numpy as np
 import pytest
 
 from cranectl.metrics import run_metrics
-from cranectl.planning import load_scenario
-from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, PLANTS
+from tests.conftest import ALL_CONTROLLERS, PLANTS, closed_loop
 
-
-def undisturbed(scenario: str, plant: str, *overrides: str, controller: str = "lqr") -> Run:
-    loaded = load_scenario(scenario, overrides=["disturbances=[]", *overrides])
-    return simulate_run(loaded, plant=plant, drive="velocity", controller=controller)
+UNDISTURBED = "disturbances=[]"
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_run_at_rest_stays_at_rest(plant: str, controller: str) -> None:
     """The winch drive holds the weight; without that the load would sink with g tau, 0.14 m/s."""
-    run = undisturbed("fixed-position", plant, "duration=5", controller=controller)
+    run = closed_loop("fixed-position", controller, plant, "velocity", UNDISTURBED, "duration=5")
     assert run.status == RunStatus.COMPLETED
     assert np.abs(run.block("state")[:, 1::2]).max() < 1e-9
     assert np.abs(run.load_position - [1.0, 0.77, -0.7]).max() < 1e-9
@@ -29,8 +24,7 @@ def test_a_run_at_rest_stays_at_rest(plant: str, controller: str) -> None:
 @pytest.mark.parametrize("plant", PLANTS)
 def test_lag_compensation_brings_tracking_near_to_ideal_drives(plant: str) -> None:
     """On a path without disturbances, a fifth of the error at most."""
-    errors = [
-        run_metrics(undisturbed("fast-diagonal", plant, f"control.lag_compensation={flag}")).max_error_m
-        for flag in ("true", "false")
-    ]
-    assert errors[0] < 0.2 * errors[1]
+    path = "fast-diagonal", "lqr", plant, "velocity", UNDISTURBED
+    runs = [closed_loop(*path, f"control.lag_compensation={flag}") for flag in ("true", "false")]
+    compensated, plain = (run_metrics(run).max_error_m for run in runs)
+    assert compensated < 0.2 * plain

@@ -1,5 +1,6 @@
 """Files of motions, scenarios that read them, and the excess of planned motions over their limits."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,14 @@ def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:
         encoding="utf-8",
     )
     return load_scenario(path, overrides=[f"{name}={value}" for name, value in changes.items()])
+
+
+def inline(value: Any) -> str:
+    """Return a value as TOML writes it within a line; entries of None are left out."""
+    if isinstance(value, dict):
+        entries = (f"{name}={inline(entry)}" for name, entry in value.items() if entry is not None)
+        return f"{{{', '.join(entries)}}}"
+    return json.dumps(value)
 
 
 def largest_excess(scenario: Scenario, samples: int) -> float:

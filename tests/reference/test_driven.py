@@ -11,10 +11,7 @@ from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
 from cranectl.planning.limits import limits_of
 from cranectl.reference import Trajectory
-from cranectl.reference.driven import (
-    DrivenPath,
-    HandLimits,
-)
+from cranectl.reference.driven import DrivenPath, HandLimits
 from cranectl.scenario import ReferenceSettings
 from cranectl.tools.live.hand_limits import DrivingBounds, _kernel_norm, hand_limits
 from validation.proofs import random_joystick

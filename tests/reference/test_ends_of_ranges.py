@@ -3,7 +3,6 @@
 The cases come from the schemas, so that new keys are tried too (`tests.ranges`).
 """
 
-import json
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from pydantic import BaseModel
 
 from cranectl.planning import load_scenario
 from cranectl.reference import Trajectory
-from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import Arc, Line
 from cranectl.scenario.effects import DriveLimits
 from cranectl.scenario.planning import PlanningSettings
@@ -20,8 +18,8 @@ from cranectl.scenario.recorded import Driven
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Hold, Move, WayPoints
 from cranectl.support.errors import InputError
-from tests.ranges import ends, put, share_of
-from tests.reference.recordings import largest_excess
+from tests.ranges import ends, put, result_or_refusal, share_of
+from tests.reference.recordings import inline, largest_excess
 
 SHARE = 24
 START = [0.5, 0.5, -0.7]
@@ -87,21 +85,9 @@ ALWAYS_TRIED = ("planning.lean", "planning.jerk.0", "hold: duration", "driven: p
 
 
 def overrides(tables: dict[str, Any], segment: dict[str, Any]) -> list[str]:
-    def text(value: Any) -> str:
-        if isinstance(value, dict):
-            return "{" + ", ".join(f"{k}={text(v)}" for k, v in value.items() if v is not None) + "}"
-        return json.dumps(value)
-
-    assignments = [f"{name}={text(table)}" for name, table in tables.items()]
+    assignments = [f"{name}={inline(table)}" for name, table in tables.items()]
     return [*assignments, "disturbances=[]", "duration=600", f"reference.start={START}",
-            f"reference.segments=[{text(segment)}]"]  # fmt: skip
-
-
-def scenario_or_error(overrides: list[str]) -> Scenario | InputError:
-    try:
-        return load_scenario("fixed-position", overrides=overrides)
-    except InputError as error:
-        return error
+            f"reference.segments=[{inline(segment)}]"]  # fmt: skip
 
 
 @pytest.mark.filterwarnings("error")
@@ -110,7 +96,8 @@ def test_a_motion_keeps_its_limits_or_is_refused_with_a_remedy(
     case: tuple[str, dict[str, Any], dict[str, Any]],
 ) -> None:
     _, tables, segment = case
-    scenario = scenario_or_error(overrides(tables, segment))
+    changes = overrides(tables, segment)
+    scenario = result_or_refusal(lambda: load_scenario("fixed-position", overrides=changes))
     if isinstance(scenario, InputError):
         assert scenario.found
         assert scenario.remedy

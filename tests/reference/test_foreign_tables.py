@@ -18,8 +18,9 @@ SI = f"{PLAIN}units = {{time = 's', length = 'm'}}\n"
 EPOCH = 1_789_452_000_000_000_000  # [ns]
 
 
-def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n") -> str:
-    lines = [separator.join(f"{number:.9f}".replace(".", comma) for number in row) for row in motion()]
+def text(header: str, *, separator: str = ",", comma: str = ".", end: str = "\n", scale: float = 1.0) -> str:
+    rows = scale * motion()
+    lines = [separator.join(f"{number:.9f}".replace(".", comma) for number in row) for row in rows]
     return end.join([header, *lines, ""])
 
 
@@ -27,11 +28,6 @@ def iso_times() -> list[str]:
     start = datetime.datetime(2026, 9, 15, 6, tzinfo=datetime.UTC)
     times = [start + datetime.timedelta(milliseconds=round(1e3 * t)) for t in motion()[:, 0]]
     return [time.isoformat(timespec="milliseconds") for time in times]
-
-
-def in_millimetres() -> str:
-    lines = [",".join(f"{1e3 * number:.6f}" for number in row) for row in motion()]
-    return "\n".join(["t_ms,x_mm,y_mm,z_mm", *lines, ""])
 
 
 def with_iso_times(separator: str = ",", comma: str = ".") -> str:
@@ -76,7 +72,7 @@ READ = {
     "without names by pandas": (text("0,1,2,3"), f"{SI}columns = {{time = '0', x = '1', y = '2', z = '3'}}"),
     "time stamps": (with_iso_times(), f"{PLAIN}units = {{length = 'm'}}"),
     "units of Parquet": (table({"unit": "mm"}, scale=1e3), PLAIN),
-    "units after names": (in_millimetres(),
+    "units after names": (text("t_ms,x_mm,y_mm,z_mm", scale=1e3),
                           f"{PLAIN}columns = {{time = 't_ms', x = 'x_mm', y = 'y_mm', z = 'z_mm'}}"),
     "unit of MATLAB": (table({"Unit": "mm"}, scale=1e3), PLAIN),
     "decimals": (table({"unit": "m"}, decimals=True), PLAIN),
@@ -123,6 +119,8 @@ def mat() -> bytes:
 REFUSED: dict[str, tuple[bytes, str, str]] = {
     "no header, commas": (b"0;0,4;0,5;-0,6\n0,02;0,4;0,5;-0,6\n", "has no line of names", "time;x;y;z"),
     "comment first": (b"// restarted\n0, 0.4, 0.5\n10, 0.4, 0.5\n", "begins with a comment and has no", ""),
+    "no numbers": (b"t,X,Y,Z\n", "has no line of numbers; its first line is 't,X,Y,Z'", ""),
+    "part of a log": (b"\x89MCAP0\r\n and no more", "is an MCAP file, but not of cranectl (truncated)", ""),
     "bars": (b"time|x|y|z\n0|1|2|3\n", "bars separate the columns", "between its columns"),
     "quoted commas": (b'time,x,y,z\n"0,0","1,5","2","3"\n', "'time' holds the text '0,0', in line 2", ""),
     "another line of units": (b"time,x,y,z\ns,mm,mm,mm\n0,1,2,3\n", "that 'x' is in 'mm'", "units"),

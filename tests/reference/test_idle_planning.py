@@ -16,6 +16,7 @@ from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
 from cranectl.simulate.idle_settings import RunKind
 from cranectl.support.errors import InputError
+from tests.reference.recordings import inline
 
 RUN_KIND = RunKind("analytic", "velocity", "lqr")
 START = [0.5, 0.5, -0.7]
@@ -25,6 +26,7 @@ BASE = [
 ]  # fmt: skip
 TO = [0.62, 0.56, -0.66]
 POINTS = [START, [0.6, 0.55, -0.68], TO]
+SI = {"time": "s", "length": "m"}
 SEGMENTS: dict[str, dict[str, Any]] = {
     "line": {"kind": "line", "to": TO, "duration": 2.0},
     "shortest": {"kind": "line", "to": TO, "duration": "shortest"},
@@ -35,19 +37,9 @@ SEGMENTS: dict[str, dict[str, Any]] = {
     "short move": {"kind": "move", "to": [0.62, 0.5, -0.7], "duration": "shortest"},
     "timed": {"kind": "waypoints", "points": POINTS, "times": [0.0, 1.5, 3.0]},
     "at a speed": {"kind": "waypoints", "points": POINTS, "speed": 0.05},
-    "file": {
-        "kind": "waypoints",
-        "file": "points.csv",
-        "units": {"time": "s", "length": "m"},
-        "offset": [0.0, 0.0, 0.0],
-    },
-    "samples": {"kind": "samples", "file": "samples.csv", "units": {"time": "s", "length": "m"}, "spans": 8},
-    "spline": {
-        "kind": "spline",
-        "degree": 9,
-        "breaks": [0.0, 2.0],
-        "coefficients": [START] * 5 + [TO] * 5,
-    },
+    "file": {"kind": "waypoints", "file": "points.csv", "units": SI, "offset": [0.0, 0.0, 0.0]},
+    "samples": {"kind": "samples", "file": "samples.csv", "units": SI, "spans": 8},
+    "spline": {"kind": "spline", "degree": 9, "breaks": [0.0, 2.0], "coefficients": [START] * 5 + [TO] * 5},
     "driven": {
         "kind": "driven", "duration": 12.0, "period": 0.001, "bandwidth": 8.0, "speed": [0.3, 0.3, 0.2],
         "low": [0.45, 0.45, -0.75], "high": [0.55, 0.55, -0.65],
@@ -75,7 +67,7 @@ CHANGES: list[tuple[str, str, Any]] = [
         ("units", {"time": "ms", "length": "m"}), ("topic", "mujoco/load"), ("signs", [1, 1, -1]),
         ("offset", [0.01, 0.0, 0.0]),
     )),
-    ("file", "columns", {"speed": "v"}), ("file", "units", {"time": "s", "length": "m", "speed": "m/s"}),
+    ("file", "columns", {"speed": "v"}), ("file", "units", {**SI, "speed": "m/s"}),
     ("file", "times", [0.0, 1.0, 3.0]), ("file", "speed", 0.05),
     ("samples", "spans", 6),
     ("spline", "degree", 7), ("spline", "breaks", [0.0, 3.0]),
@@ -110,12 +102,7 @@ def sampled_reference(overrides: list[str]) -> bytes:
 
 
 def as_override(segment: dict[str, Any]) -> str:
-    def text(value: Any) -> str:
-        if isinstance(value, dict):
-            return "{" + ", ".join(f"{key}={text(below)}" for key, below in value.items()) + "}"
-        return json.dumps(value)
-
-    return f"reference.segments=[{text(segment)}]"
+    return f"reference.segments=[{inline(segment)}]"
 
 
 def with_path(segment: dict[str, Any], folder: Path) -> dict[str, Any]:

@@ -75,15 +75,6 @@ def test_a_setting_that_affects_the_plan_is_planned_again(monkeypatch: pytest.Mo
         planned(MOVES[2])
 
 
-def test_a_damaged_stored_plan_is_planned_again_and_replaced(tmp_path: Path) -> None:
-    first = planned(MOVES[2])
-    (file,) = tmp_path.glob("plans/*.json")
-    whole = file.read_bytes()
-    file.write_bytes(whole.replace(b'"duration":', b'"duration":1', 1))
-    assert planned(MOVES[2]) == first
-    assert file.read_bytes() == whole, "and healed"
-
-
 def test_a_log_states_the_proof_without_proving_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""Paths through way points in minimum time: shape, accuracy and refused points."""
+"""Paths through way points in minimum time: shape, accuracy and refused splines."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,17 +8,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from cranectl.planning import load_scenario
 from cranectl.reference import Geometry
 from cranectl.reference.fitting import interpolate_path, interpolate_points
 from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline
 from cranectl.scenario.segments import Spline
-from cranectl.support.errors import InputError
 
 pytestmark = pytest.mark.processor
-
-MINIMUM = "time_law='minimum-time'"
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 12])
@@ -75,20 +71,6 @@ RESTS = [MOVES[0], *MOVES[:7]]
 def test_splines_that_are_no_path_are_refused(changed: dict[str, object], found: str) -> None:
     with pytest.raises(ValidationError, match=found):
         Spline.model_validate({**LAW, **changed})
-
-
-@pytest.mark.parametrize(
-    ("segment", "found"),
-    [
-        ("points=[[0.5,0.5,-0.7],[0.9,0.5,-1.6]]", "its end, (0.9, 0.5, -1.6), is out of reach"),
-        ("points=[[0.5,0.5,-0.7],[0.5,0.2,-0.7],[0.5,-0.6,-0.7],[0.5,0.5,-0.6]]", "however slowly: "),
-    ],
-)
-def test_impossible_way_points_are_refused(segment: str, found: str) -> None:
-    override = f"reference.segments=[{{kind='waypoints', {segment}, {MINIMUM}}}]"
-    with pytest.raises(InputError) as error:
-        load_scenario("fixed-position", overrides=["reference.start=[0.5, 0.5, -0.7]", override])
-    assert found in str(error.value)
 
 
 @pytest.mark.parametrize("interpolate", [interpolate_points, interpolate_path])

@@ -27,19 +27,15 @@ def test_time_laws_are_the_known_polynomials() -> None:
     assert TimeLaw().sample(tau)[0] == pytest.approx(nine, abs=1e-13)
 
 
+LINE = {"kind": "line", "to": [1.6, 0.8, -1.1], "duration": 3.0}
+ARC = {"kind": "arc", "centre": [0.8, 0.6], "angle": 2.0, "duration": 3.0}
 SEGMENTS = {
     "hold": {"kind": "hold", "duration": 2.0},
-    "line": {"kind": "line", "to": [1.6, 0.8, -1.1], "duration": 3.0},
-    "quintic line": {"kind": "line", "to": [1.6, 0.8, -1.1], "duration": 3.0, "time_law": "degree-5"},
-    "arc": {"kind": "arc", "centre": [0.8, 0.6], "angle": 2.0, "duration": 3.0},
-    "clockwise arc": {"kind": "arc", "centre": [0.8, 0.6], "angle": -7.0, "duration": 5.0},
-    "quintic arc": {
-        "kind": "arc",
-        "centre": [0.3, 0.9],
-        "angle": -3.0,
-        "duration": 3.0,
-        "time_law": "degree-5",
-    },
+    "line": LINE,
+    "quintic line": {**LINE, "time_law": "degree-5"},
+    "arc": ARC,
+    "clockwise arc": {**ARC, "angle": -7.0, "duration": 5.0},
+    "quintic arc": {**ARC, "centre": [0.3, 0.9], "angle": -3.0, "time_law": "degree-5"},
 }
 START = [0.2, 0.3, -0.4]
 
@@ -69,10 +65,9 @@ def test_a_line_ends_exactly_at_its_end_point() -> None:
 
 @pytest.mark.parametrize("angle", [0.5, math.pi, -math.pi / 2, 7.0])
 def test_an_arc_keeps_radius_and_height_and_turns_by_its_angle(angle: float) -> None:
-    centre = np.array([0.8, 0.6])
-    path = trajectory({"kind": "arc", "centre": centre.tolist(), "angle": angle, "duration": 4.0})
+    path = trajectory({**ARC, "angle": angle, "duration": 4.0})
     rows = path.sample(np.linspace(0.0, 4.0, 200))
-    spokes = rows[:, :2] - centre
+    spokes = rows[:, :2] - ARC["centre"]
     assert np.hypot(*spokes.T) == pytest.approx(np.hypot(*spokes[0]))
     assert (rows[:, 2] == START[2]).all()
     turned = np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0]))
@@ -80,7 +75,7 @@ def test_an_arc_keeps_radius_and_height_and_turns_by_its_angle(angle: float) -> 
 
 
 def test_positive_angles_run_counter_clockwise_seen_from_above() -> None:
-    path = trajectory({"kind": "arc", "centre": [0.0, 0.3], "angle": 0.5, "duration": 1.0})
+    path = trajectory({**ARC, "centre": [0.0, 0.3], "angle": 0.5, "duration": 1.0})
     assert path.sample(np.array([1.0]))[0, 1] > START[1]
 
 

@@ -32,18 +32,9 @@ def test_an_interrupt_ends_a_run_with_a_controller_in_a_child_in_order(tmp_path:
         "        time.sleep(0.001)\n"
         "    return 0\n"
     )
-    run = [
-        "run",
-        "fixed-position",
-        "--controller",
-        "law.py:slow",
-        "--plants",
-        "analytic",
-        "--out",
-        "run.mcap",
-    ]
+    run = "run fixed-position --controller law.py:slow --plants analytic --out run.mcap"
     process = subprocess.Popen(
-        [sys.executable, "-m", "cranectl", *run],
+        [sys.executable, "-m", "cranectl", *run.split()],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     while not (tmp_path / "under_way").exists() and process.poll() is None:

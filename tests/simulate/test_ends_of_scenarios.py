@@ -17,7 +17,8 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.support.trees import Tree
 from tests.conftest import ROOT
-from tests.ranges import Key, ends, put, share_of
+from tests.ranges import Key, ends, has_found_allowed_and_remedy, put, result_or_refusal, share_of
+from tests.simulate.test_idle_settings import label
 
 SHARE = 30
 BASE: dict[str, Any] = load_scenario(
@@ -60,11 +61,6 @@ def where_else(name: str) -> str | None:
     return ELSEWHERE[max(fitting, key=len)] if fitting else None
 
 
-def label(name: str) -> str:
-    """Return a name without the indices of lists."""
-    return ".".join(part for part in name.split(".") if not part.isdecimal())
-
-
 def cases() -> list[tuple[str, dict[str, Any]]]:
     cases_by_name = {}
     limits = [(("limits", "rms_error_m"), value) for value in (0.0, sys.float_info.max)]  # no bound above
@@ -88,22 +84,17 @@ def cases() -> list[tuple[str, dict[str, Any]]]:
 CASES = cases()
 
 
-def run_or_error(table: dict[str, Any]) -> Run | InputError:
-    try:
-        scenario = plan_motions(Scenario.from_table(table, "s.toml"))
-        return simulate_run(scenario, plant="analytic", controller="lqr")
-    except InputError as error:
-        return error
+def run_of(table: dict[str, Any]) -> Run:
+    scenario = plan_motions(Scenario.from_table(table, "s.toml"))
+    return simulate_run(scenario, plant="analytic", controller="lqr")
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("case", share_of(CASES, SHARE, ("duration", "control")), ids=lambda case: case[0])
 def test_a_run_is_finite_and_whole_or_is_refused_with_what_to_do(case: tuple[str, dict[str, Any]]) -> None:
-    run = run_or_error(case[1])
+    run = result_or_refusal(lambda: run_of(case[1]))
     if isinstance(run, InputError):
-        assert run.found
-        assert run.allowed
-        assert run.remedy
+        assert has_found_allowed_and_remedy(str(run))
         return
     assert np.isfinite(run.table).all()
     if not run.status.stopped:

@@ -181,6 +181,7 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
 
 
 def label(name: str) -> str:
+    """Return a name without the indices of lists."""
     return ".".join(part for part in name.split(".") if not part.isdecimal())
 
 

@@ -4,27 +4,27 @@ import numpy as np
 import pytest
 
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.scenario import Scenario
-from cranectl.simulate import Loop, open_run, simulate_run
+from cranectl.simulate import Loop
 from cranectl.simulate.plan import Plan
 from cranectl.simulate.prepared import PreparedController
 from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
-from tests.conftest import PLANTS
+from tests.conftest import PLANTS, closed_loop
 
 CONTROLLER, DRIVE = "lqr+loop-shaping", "velocity"
-EFFECTS = ["effects.delay.seconds=0.003", "effects.sensing.seed=3"]
+LIMITS = "effects.limits={force=[1e9,1e9,1e9], velocity=[0.2,0.2,0.2]}"
+EFFECTS = ["effects.delay.seconds=0.003", "effects.sensing.seed=3", LIMITS]
 STOPPING = ["rig.bridge_range=[0.9, 1.05]", "workspace.on_exit='stop'"]
 SIZES = [1, 7, 1000]
 ROWS = 1000  # of records that are overwritten
 
 
-def make_scenario(*overrides: str) -> Scenario:
-    """Return a scenario of 1.2 s, whose load is pushed."""
+def make_run(*overrides: str, plant: str = "analytic") -> Run:
+    """Return a run of 1.2 s, whose load is pushed."""
     pushed = "disturbances=[{joint='beta', start=0.1, magnitude=3.0}]"
-    return load_scenario("fixed-position", overrides=["duration=1.2", pushed, *overrides])
+    return closed_loop("fixed-position", CONTROLLER, plant, DRIVE, "duration=1.2", pushed, *overrides)
 
 
 def make_loop(scenario: Scenario, plant: str = "analytic", *, endless: bool = False, rows: int = 0) -> Loop:
@@ -52,13 +52,12 @@ def in_blocks(loop: Loop, size: int) -> tuple[bytes, bytes]:
 @pytest.mark.parametrize("overrides", [[], EFFECTS, STOPPING], ids=["plain", "effects", "stopping"])
 @pytest.mark.parametrize("plant", PLANTS)
 def test_a_run_has_the_same_bits_in_blocks_of_any_size(plant: str, overrides: list[str]) -> None:
-    scenario = make_scenario(*overrides)
-    run = simulate_run(scenario, plant=plant, drive=DRIVE, controller=CONTROLLER)
+    run = make_run(*overrides, plant=plant)
     assert run.status == (RunStatus.WORKSPACE_LEFT if overrides == STOPPING else RunStatus.COMPLETED)
     assert run.has("measurement") == (overrides == EFFECTS)
     for size in SIZES:
         for rows in (0, ROWS):
-            loop = make_loop(scenario, plant, rows=rows)
+            loop = make_loop(run.scenario, plant, rows=rows)
             assert in_blocks(loop, size) == (run.time_ns.tobytes(), run.table.tobytes())
             assert (loop.status, loop.end_ns, loop.samples) == (run.status, run.end_ns, len(run.table))
             assert len(loop.advance(size)[0]) == 0, "a finished loop goes on"
@@ -66,22 +65,20 @@ def test_a_run_has_the_same_bits_in_blocks_of_any_size(plant: str, overrides: li
 
 @pytest.mark.parametrize("size", SIZES)
 def test_an_endless_loop_has_the_bits_of_a_run_and_goes_on_after_it(size: int) -> None:
-    scenario = make_scenario(*EFFECTS)
-    run = simulate_run(scenario, plant="analytic", drive=DRIVE, controller=CONTROLLER)
-    loop = make_loop(scenario, endless=True)
+    run = make_run(*EFFECTS)
+    loop = make_loop(run.scenario, endless=True)
     loop.origin_ns = 5
     parts = [loop.part(size) for _ in range(-(-len(run.table) // size) + 3)]
     table = np.vstack([part.table for part in parts])
     assert len(table) > len(run.table)
     assert table[: len(run.table)].tobytes() == run.table.tobytes()
     assert loop.status == RunStatus.RUNNING
-    assert parts[-1].end_ns == parts[-1].time_ns[-1] == 5 + (len(table) - 1) * scenario.period_ns
+    assert parts[-1].end_ns == parts[-1].time_ns[-1] == 5 + (len(table) - 1) * run.scenario.period_ns
 
 
 def test_the_rest_of_a_run_has_the_bits_of_the_run() -> None:
-    scenario = make_scenario(*EFFECTS)
-    run = simulate_run(scenario, plant="analytic", drive=DRIVE, controller=CONTROLLER)
-    loop = make_loop(scenario)
+    run = make_run(*EFFECTS)
+    loop = make_loop(run.scenario)
     loop.advance(123)
     rest = loop.run()
     assert rest.table.tobytes() == run.table[123:].tobytes()
@@ -89,19 +86,10 @@ def test_the_rest_of_a_run_has_the_bits_of_the_run() -> None:
     assert (rest.status, rest.end_ns) == (run.status, run.end_ns)
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-def test_a_program_that_steps_with_the_same_commands_gets_the_same_bits(plant: str) -> None:
-    run = simulate_run(make_scenario(), plant=plant, drive=DRIVE, controller=CONTROLLER)
-    stepped = open_run(make_scenario(), plant=plant, drive=DRIVE)
-    for command in run.block("input")[:, 3:]:
-        stepped.step(command)
-    assert stepped.recorded().block("state").tobytes() == run.block("state").tobytes()
-
-
 @pytest.mark.parametrize("part", ["memory", "integral", "path"])
 def test_a_change_of_what_a_loop_keeps_changes_the_bits(part: str) -> None:
     """Otherwise the comparisons above would not show that blocks hand it on."""
-    loops = [make_loop(make_scenario(*EFFECTS)) for _ in range(2)]
+    loops = [make_loop(make_run(*EFFECTS).scenario) for _ in range(2)]
     for loop in loops:
         loop.advance(500)
     assert loops[1].path is not None

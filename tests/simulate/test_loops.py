@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from cranectl.simulate.actuation import UnloadedDrives
 from cranectl.simulate.loops import LoopInputs, judge_sample
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
-from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS
+from tests.conftest import ALL_CONTROLLERS, PAIR, PLANTS, closed_loop
 
 make_plant = ALL_PLANTS.make
 
@@ -32,16 +33,28 @@ def same(a: Run, b: Run) -> bool:
     )
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("controller", ["lqr", "pole-placement+hinf", "lqr+loop-shaping"])
-def test_compiled_and_python_loop_give_the_same_bits(controller: str, plant: str, drive: str) -> None:
+SIGNAL_PATH = (  # whose limits act, while the load is brought to rest
+    "reference.segments=[]", "initial.load_offset=[0.3,0.3,0.0]",
+    "effects.sensing={angle_resolution=0.001, seed=3}", "effects.delay.seconds=0.004",
+    "effects.limits={force=[1e9,1e9,1e9], acceleration=[0.5,0.5,0.5], velocity=[0.2,0.2,0.2]}",
+)  # fmt: skip
+LOOPS = [
+    *product(("lqr", "pole-placement+hinf", "lqr+loop-shaping"), PLANTS, DRIVES, [()]),
+    *product(["lqr"], PLANTS, ["velocity"], [SIGNAL_PATH]),
+    *product(("pid", "lqr-integral", "flat-velocity"), ["analytic"], ["velocity"], [(), SIGNAL_PATH]),
+]
+
+
+@pytest.mark.parametrize(("controller", "plant", "drive", "effects"), LOOPS)
+def test_compiled_and_python_loop_give_the_same_bits(
+    controller: str, plant: str, drive: str, effects: tuple[str, ...]
+) -> None:
     """The run has a line and an arc, both disturbances, and two physics steps in a period."""
     overrides = [
         "duration=2.0", "control.physics_step=0.0005", "disturbances.0.start=0.5",
         "disturbances.1.start=1.0", "reference.segments.0.duration=1.5",
         "reference.segments.1.duration=0.5", "reference.segments.0.to=[0.4,0.3,-0.3]",
-        "reference.segments.1.angle=-0.1",
+        "reference.segments.1.angle=-0.1", *effects,
     ]  # fmt: skip
     loaded = load_scenario("settled-trajectory", overrides=overrides)
     runs = [
@@ -52,6 +65,8 @@ def test_compiled_and_python_loop_give_the_same_bits(controller: str, plant: str
     assert len(runs[0].table) == 2001
     assert same(*runs)
     assert np.isfinite(runs[0].table).all()
+    assert np.ptp(runs[0].block("state")[:, :6:2], axis=0).max() > 0.1
+    assert not effects or runs[0].block("command")[:, 3:].any(), "limits act"
 
 
 @pytest.mark.parametrize("controller", ALL_CONTROLLERS)
@@ -62,11 +77,12 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
     Started from rest instead, without the reference's third derivative, it would be a hundred times larger.
     """
     largest = []
+    line = "reference.segments=[{kind='line', to=[1.65,0.77,-0.7], duration=10.0, time_law='degree-5'}]"
     for period in (0.001, 0.0005):
-        overrides = [f"control.period={period}", "control.physics_step=0.0005", "disturbances=[]"]
-        run = simulate_run(
-            load_scenario("settled-trajectory", overrides=overrides), plant=plant, controller=controller
-        )
+        steps = f"control.period={period}", "control.physics_step=0.0005"
+        short = line, "duration=10.0", "disturbances=[]"
+        scenario = load_scenario("settled-trajectory", overrides=[*steps, *short])
+        run = simulate_run(scenario, plant=plant, controller=controller)
         assert run.block("error")[0] == pytest.approx(np.zeros(12), abs=1e-12)
         largest.append(np.abs(run.block("error")[run.time <= 1.0, :3]).max())
     assert largest[0] < 2e-5
@@ -74,24 +90,16 @@ def test_a_run_that_starts_on_its_reference_starts_without_a_transient(plant: st
 
 
 @pytest.mark.parametrize("plant", PLANTS)
-def test_disturbance_acts_from_its_sample_on(short: Scenario, plant: str) -> None:
-    run = simulate_run(short, plant=plant)
-    d = run.block("disturbance")
-    assert np.flatnonzero(d[:, 0])[0] == 100
-    assert np.flatnonzero(d[:, 1])[0] == 200
+def test_disturbances_act_from_their_sample_to_their_end(plant: str) -> None:
+    alpha = "{joint='alpha', start=0.1, magnitude=1.0}"
+    beta = "{joint='beta', start=0.2, end=0.3, magnitude=-0.5}"
+    pushed = "duration=0.5", f"disturbances=[{alpha}, {beta}]"
+    run = closed_loop("fixed-position", "lqr", plant, "ideal", *pushed)
+    active = [np.flatnonzero(column) for column in run.block("disturbance").T]
+    assert [(samples[0], samples[-1]) for samples in active] == [(100, 500), (200, 299)]
     alpha_rate = run.signal("state.alpha_rate")
     assert not alpha_rate[:101].any()
     assert alpha_rate[101] == pytest.approx(1e-3, rel=1e-3)
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_disturbance_ends_at_its_end(plant: str) -> None:
-    scenario = load_scenario(
-        "fixed-position",
-        overrides=["duration=0.5", "disturbances=[{joint='beta', start=0.1, end=0.2, magnitude=-0.5}]"],
-    )
-    active = np.flatnonzero(simulate_run(scenario, plant=plant).signal("disturbance.beta_disturbance"))
-    assert (active[0], active[-1]) == (100, 199)
 
 
 def stop(plant: str, *overrides: str, compiled: bool = True, controller: str = "lqr") -> Run:

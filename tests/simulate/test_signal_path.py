@@ -8,7 +8,6 @@ from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
-from cranectl.scenario import Scenario
 from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.simulate.actuation import Actuation, forces_at_rest
@@ -16,7 +15,7 @@ from cranectl.simulate.signal_path import SignalPath, act
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
 from cranectl.tools.live.session import Session
-from tests.conftest import PLANTS
+from tests.conftest import PLANTS, closed_loop
 
 SHORT = ["duration=0.6", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
 NO_FORCE_LIMIT = "effects.limits.force=[1e9,1e9,1e9]"
@@ -28,14 +27,13 @@ ALL = [
 ]
 
 
-def run(*overrides: str, plant: str = "analytic", drive: str = "velocity", compiled: bool = True) -> Run:
-    scenario = load_scenario("fixed-position", overrides=[*SHORT, *overrides])
-    return simulate_run(scenario, plant=plant, drive=drive, controller="lqr", compiled=compiled)
+def run(*overrides: str, plant: str = "analytic", drive: str = "velocity") -> Run:
+    return closed_loop("fixed-position", "lqr", plant, drive, *SHORT, *overrides)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("plant", PLANTS)
-def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
+def test_stages_and_an_installation_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
     plain, staged = (run(*extra, plant=plant, drive=drive) for extra in ([], ["effects.delay.seconds=0.0"]))
     width = plain.table.shape[1]
     assert_array_equal(staged.table[:, :width], plain.table)
@@ -46,12 +44,8 @@ def test_stages_that_do_nothing_change_nothing(plant: str, drive: str) -> None:
         assert_allclose(commands[0], forces_at_rest(plain.scenario, plain.block("state")[0]), atol=1e-9)
     assert_array_equal(staged.block("command")[:, :3], commands)
     assert not staged.block("command")[:, 3:].any()
-
-
-@pytest.mark.parametrize("plant", PLANTS)
-def test_the_python_loop_gives_the_same_bits(plant: str) -> None:
-    compiled, interpreted = (run(*ALL, plant=plant, compiled=mode) for mode in (True, False))
-    assert_array_equal(compiled.table, interpreted.table)
+    installed = run("effects.installation={}", plant=plant, drive=drive)
+    assert_array_equal(installed.block("state"), plain.block("state"))
 
 
 def test_commands_arrive_late_by_the_delay() -> None:
@@ -155,7 +149,8 @@ def test_the_observer_takes_no_limit_for_a_push() -> None:
 
 
 def test_noise_has_its_seed() -> None:
-    first, again, other = (run(f"effects.sensing.seed={seed}") for seed in (1, 1, 2))
+    first, other = (run(f"effects.sensing.seed={seed}") for seed in (1, 2))
+    again = simulate_run(first.scenario, plant="analytic", drive="velocity", controller="lqr")
     assert_array_equal(first.table, again.table)
     assert not np.array_equal(first.table, other.table)
 
@@ -176,14 +171,6 @@ def test_finer_sensing_and_a_faster_observer_approach_perfect_state() -> None:
     assert errors[0] < 2e-3
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-def test_a_session_gives_the_bits_of_a_run(plant: str) -> None:
-    whole = run(*ALL, plant=plant)
-    session = Session(whole.scenario, whole.design, plants=[plant], drive="velocity")
-    pieces = [session.advance(n)[0].table for n in (1, 99, 250, 251)]
-    assert_array_equal(np.vstack(pieces), whole.table)
-
-
 def test_a_stopped_run_keeps_its_columns() -> None:
     stopped = run("effects.delay.seconds=0.3", "duration=20.0", drive="ideal")
     assert stopped.table.shape[1] == sum(len(group) for group in stopped.groups)
@@ -193,12 +180,14 @@ def test_a_stopped_run_keeps_its_columns() -> None:
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_logs_hold_the_stages(tmp_path, short: Scenario, drive: str) -> None:
+def test_logs_hold_the_drive_and_the_stages(tmp_path, drive: str) -> None:
     staged = run("effects.delay.seconds=0.003", "effects.sensing.seed=3", drive=drive)
     path = write_log(tmp_path / "staged.mcap", [staged], every=1)
     again = read_log(path)["analytic"]
     assert_array_equal(again.table, staged.table)
     assert again.groups == staged.groups
     assert again.status == RunStatus.COMPLETED
+    assert again.drive == drive
     assert [group.name for group in again.groups][-2:] == ["measurement", "command"]
-    assert short.effects.names == ()
+    unit = {"ideal": "m/s²", "velocity": "m/s", "force": "N"}[drive]
+    assert [signal.unit for signal in again.groups[-1].signals] == [unit] * 3 + ["1"] * 3

@@ -14,11 +14,11 @@ from cranectl.status import RunStatus
 UPDRAUGHT = ["effects.wind.mean=[0.0,0.0,80.0]", "effects.wind.gust=0.0"]  # 14 N on a load of 9.8 N
 
 
-def run(scenario: str, mode: str, *overrides: str, compiled: bool = True) -> Run:
+def run(scenario: str, mode: str, *overrides: str, drive: str = "velocity", compiled: bool = True) -> Run:
     chosen = load_scenario(
         scenario, overrides=[f"effects.rope.on_slack='{mode}'", "expected='completed'", *overrides]
     )
-    return simulate_run(chosen, plant="mujoco", drive="velocity", compiled=compiled)
+    return simulate_run(chosen, plant="mujoco", drive=drive, compiled=compiled)
 
 
 def test_a_tracker_that_is_to_recover_keeps_the_rope_taut() -> None:
@@ -58,6 +58,18 @@ def test_the_drives_brake_while_the_rope_is_slack() -> None:
     assert slack[first:].all()
     assert_allclose(accelerations[1:], accelerations[:-1] * (1.0 - 1e-3 / BRAKING), rtol=1e-9, atol=1e-15)
     assert np.abs(setpoints[-1]).max() < 1e-3
+
+
+def test_while_the_rope_is_slack_forces_brake_the_drives_alone() -> None:
+    """So heavy a winch does not follow the load."""
+    heavy = "effects.rope.mass=0.0", "rig.winch_mass=20.0", "duration=1.0"
+    pushed = run("slack-rope", "recover", *UPDRAUGHT, *heavy, drive="force")
+    slack = pushed.tension <= 0.0
+    first = int(np.argmax(slack)) + 2
+    assert slack[first:].all()
+    rates = pushed.block("state")[first:, 1:6:2]
+    assert np.abs(rates[0]).max() > 1e-3
+    assert_allclose(np.diff(rates, axis=0), rates[:-1] * -1e-3 / BRAKING, rtol=1e-6, atol=1e-12)
 
 
 def test_slackness_is_a_line_in_the_log() -> None:

@@ -13,7 +13,7 @@ import pytest
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.main import cli, main
 from cranectl.log.writer import write_log
-from cranectl.planning import load_scenario
+from cranectl.scenario import Scenario
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.file_kinds import FileKind
@@ -171,12 +171,10 @@ def test_what_another_process_is_writing_is_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+def log(tmp_path_factory: pytest.TempPathFactory, short: Scenario) -> bytes:
     """Return the content of a short log."""
-    overrides = ["duration=0.5", "disturbances.0.start=0.1", "disturbances.1.start=0.2"]
     path = tmp_path_factory.mktemp("log") / "x.mcap"
-    write_log(path, [simulate_run(load_scenario("fixed-position", overrides=overrides), plant="analytic")])
-    return path.read_bytes()
+    return write_log(path, [simulate_run(short, plant="analytic")]).read_bytes()
 
 
 @pytest.fixture

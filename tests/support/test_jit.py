@@ -182,6 +182,15 @@ def compiled_in_a_process(cache: Path, limit: str = "") -> int:
     return int(done.stdout)
 
 
+def restore_as_a_job_does(cache: Path) -> None:
+    """Pack a folder, and unpack it with new times of change, as the next job in CI does."""
+    archive = shutil.make_archive(str(cache.with_name("packed")), "gztar", cache)
+    shutil.rmtree(cache)
+    shutil.unpack_archive(archive, cache, filter="data")
+    for path in cache.rglob("*"):
+        os.utime(path)
+
+
 def flipped(at: float) -> Callable[[bytes], bytes]:
     """A bit flipped at a part of the length: in machine code it would end the process, or change a number."""
 
@@ -194,25 +203,14 @@ def flipped(at: float) -> Callable[[bytes], bytes]:
 
 def test_a_damaged_cache_is_never_run_but_compiled_anew(tmp_path: Path) -> None:
     assert compiled_in_a_process(tmp_path) > 0
-    assert compiled_in_a_process(tmp_path) == 0
     for suffix in ("nbc", "nbi"):
         files = list(tmp_path.rglob(f"*.{suffix}"))
         assert files
         for path in files:
             path.write_bytes(flipped(0.5)(path.read_bytes()))
         assert compiled_in_a_process(tmp_path) > 0
+    restore_as_a_job_does(tmp_path)
     assert compiled_in_a_process(tmp_path) == 0
-
-
-def test_a_cache_that_a_job_restores_is_used(tmp_path: Path) -> None:
-    """A job in CI packs the folder, and the next one unpacks it with new times of change."""
-    assert compiled_in_a_process(tmp_path / "kept") > 0
-    archive = shutil.make_archive(str(tmp_path / "cache"), "gztar", tmp_path / "kept")
-    shutil.rmtree(tmp_path / "kept")
-    shutil.unpack_archive(archive, tmp_path / "kept", filter="data")
-    for path in (tmp_path / "kept").rglob("*"):
-        os.utime(path)
-    assert compiled_in_a_process(tmp_path / "kept") == 0
 
 
 @pytest.mark.parametrize("damage", [lambda _: b"", lambda _: b"garbage", flipped(0.1), flipped(0.98)])

@@ -94,7 +94,8 @@ def cranectl(environment: dict[str, str], *arguments: str) -> str:
 
 def test_a_run_gives_the_same_log(elsewhere: dict[str, str]) -> None:
     cranectl(elsewhere, "run", "fixed-position", *SHORT, *TWO, "--out", "there.mcap")
-    cranectl(dict(os.environ), "run", "fixed-position", *SHORT, *TWO, "--out", "here.mcap")
+    here = {**os.environ, "PYTHONPATH": str(ROOT)}
+    cranectl(here, "run", "fixed-position", *SHORT, *TWO, "--out", "here.mcap")
     assert Path("there.mcap").read_bytes() == Path("here.mcap").read_bytes()
     cranectl(elsewhere, "report", "there.mcap")
     cranectl(elsewhere, "log", "export", "there.mcap", "--out", "there.parquet")
