@@ -49,6 +49,10 @@ html_theme = "pydata_sphinx_theme"
 html_show_search_summary = False  # a summary is fetched, which a page from the disk cannot do
 html_show_sourcelink = False
 html_copy_source = False
+# Pages without others below them need no bar for these.
+html_sidebars: dict[str, list[str]] = {
+    name: [] for name in ("index", "pages", "start", "contributing", "changes")
+}
 html_theme_options = {
     "header_links_before_dropdown": 7,  # the rest are for who works on cranectl
     "secondary_sidebar_items": ["page-toc"],

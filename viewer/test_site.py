@@ -1,5 +1,6 @@
 """The documentation site in a browser, without a network: search works, pages fit and are accessible."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,16 @@ def test_search_finds_a_page_without_a_server(site: Path, chromium: Browser) -> 
         lambda: page.locator("#search-results li a").all_inner_texts(), lambda texts: len(texts) > 1
     )
     assert any("Model" in text or "Controllers" in text for text in results)
+
+
+def test_no_page_has_an_empty_bar_beside_it(site: Path) -> None:
+    pages = {path: path.read_text(encoding="utf-8") for path in site.rglob("*.html")}
+    bars = {
+        path: re.search(r'<nav class="bd-docs-nav.*?</nav>', text, re.DOTALL) for path, text in pages.items()
+    }
+    shown = {path: bar[0] for path, bar in bars.items() if bar}
+    assert len(shown) > 20
+    assert [path.name for path, bar in shown.items() if "<li" not in bar] == []
 
 
 @pytest.mark.parametrize("name", PAGES)
