@@ -75,7 +75,7 @@ def test_the_table_of_rooms_matches_the_contract() -> None:
 def test_the_top_level_has_only_the_declared_entries() -> None:
     files = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     tracked = {line.partition("/")[0] for line in files.splitlines()}
-    expected = {"cranectl", "docs", "examples", "models", "tests", "validation", "viewer"}
+    expected = {"cranectl", "docs", "examples", "logs", "models", "tests", "validation", "viewer"}
     expected |= {"CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "Makefile", "README.md"}
     expected |= {"conftest.py", "constraints.txt", "pyproject.toml"}
     assert {name for name in tracked if not name.startswith(".")} == expected
