@@ -120,7 +120,7 @@ class Channels:
             return
         logs, counts = [self._open(stream).log for stream in streams], [0] * len(streams)
         for stream in streams:
-            # Signals (they have metadata) and texts are what was; a late viewer needs the others.
+            # Signals, which have metadata, and texts tell the past. A viewer that comes late needs the rest.
             if stream.messages and not stream.metadata and stream.topic != Topics.LOG:
                 self._latest[stream.topic] = stream.messages[-1]
         try:

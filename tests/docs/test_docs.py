@@ -63,8 +63,8 @@ def test_there_are_pages_and_blocks() -> None:
 
 
 def run_line(line: str) -> None:
-    """Run a line of a page, which ends with exit code 0 unless its comment says `ends with CODE`."""
-    said = re.search(r"# ends with (\d)$", line)
+    """Run a line of a page, which ends with exit code 0 unless its comment says `exit code CODE`."""
+    said = re.search(r"# exit code (\d)$", line)
     program, *arguments = shlex.split(line, comments=True)
     if program == "cc" or program.startswith("./"):
         result = subprocess.run([program, *arguments], check=True, stdout=subprocess.PIPE, text=True)

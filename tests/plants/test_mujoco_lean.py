@@ -29,7 +29,10 @@ def course(drive: Drive, effects: EffectSettings) -> np.ndarray:
     """States and loads of a crane that moves all its joints."""
     step, wind = 1e-4 if effects.rope else 1e-3, np.array([3.0, 1.0, 0.0, 0.3, 0.2, 0.1])
     plant = make("mujoco", effects, drive=drive, step=step, substeps=5, start=START)
-    command = lambda k: np.array([0.2, -0.15, 0.1]) * np.sin(0.1 * k)  # noqa: E731
+
+    def command(period: int) -> np.ndarray:
+        return np.array([0.2, -0.15, 0.1]) * np.sin(0.1 * period)
+
     return np.hstack(simulate(plant, 100, command, (1.0, -2.0), wind))
 
 
