@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from pydantic import BaseModel, ConfigDict, ValidationError
+
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import parse_campaign
 from cranectl.controllers import ALL_CONTROLLERS
@@ -28,6 +30,45 @@ SERVOS = "servos"  # the present velocity drives of the analytic plant
 # Keys of a campaign that change no row, or only name the scenario, which is stored whole.
 NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")
 SPENT = ("limits", "planning", "obstacles")  # tables of a scenario that change no run of its stored reference
+
+
+class _Part(BaseModel):
+    """A part of a manifest: what is read of it before the classes of settings check the rest."""
+
+    model_config = ConfigDict(strict=True, extra="allow")
+
+
+class _Campaign(_Part):
+    name: str
+
+
+class _Model(_Part):
+    file: str
+    __pydantic_extra__: dict[str, str]  # label, colour, ... of the plant
+
+
+class _Segment(_Part):
+    source: dict[str, Any] | None = None
+    made_from: dict[str, Any] = {}
+
+
+class _Reference(_Part):
+    segments: list[_Segment]
+
+
+class _Scenario(_Part):
+    rig: dict[str, Any]
+    reference: _Reference
+    disturbances: list[dict[str, Any]]
+
+
+class _Manifest(_Part):
+    campaign: _Campaign
+    runs: int
+    scenario: _Scenario
+    versions: dict[str, str]
+    accepted: list[dict[str, str]]
+    models: dict[str, _Model] = {}
 
 
 class SoftwareOrigin(NamedTuple):
@@ -116,22 +157,20 @@ def controller_from(manifest: Mapping[str, Any], directory: Path, name: str) -> 
 def checked_manifest(data: Any, source: str) -> Table:
     """Return the manifest `data`; raise InputError if it is none, or one of another format."""
     number = data.get("format") if isinstance(data, dict) else None
+    wrong = ""
     if number == FORMAT:
-        manifest: Table = data
-        tables = [manifest.get(part) for part in ("campaign", "scenario", "versions")]
-        if isinstance(scenario := manifest.get("scenario"), dict):
-            reference = scenario.get("reference")
-            tables += [scenario.get("rig"), reference]
-            segments = reference.get("segments") if isinstance(reference, dict) else None
-            for items in (manifest.get("accepted"), scenario.get("disturbances"), segments):
-                tables += items if isinstance(items, list) else [None]
-            for segment in (part for part in segments or () if isinstance(part, dict)):
-                tables += [segment[key] for key in ("source", "made_from") if segment.get(key) is not None]
-        if isinstance(manifest.get("runs"), int) and all(isinstance(table, dict) for table in tables):
+        try:
+            _Manifest.model_validate(data)
+        except ValidationError as error:
+            wrong = ".".join(str(key) for key in error.errors()[0]["loc"])
+        else:
+            manifest: Table = data
             return manifest
     other = type(number) is int and number != FORMAT
     raise InputError(
-        f"{source} has format {number}" if other else f"{source} is not the manifest of a campaign",
+        f"{source} has format {number}"
+        if other
+        else f"{source} is not the manifest of a campaign" + (f": {wrong} is wrong" if wrong else ""),
         allowed=f"a result of format {FORMAT}",
         remedy="read it with the version of cranectl that wrote it, or run the campaign again"
         if other

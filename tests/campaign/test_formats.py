@@ -103,17 +103,26 @@ def test_records_that_cannot_be_read(samples: Path, text: str, found: str, remed
     assert remedy in caught.value.remedy
 
 
+TABLES = [
+    ["accepted"],
+    ["models"],
+    ["campaign"],
+    ["versions"],
+    ["scenario", "rig"],
+    ["scenario", "disturbances"],
+    ["scenario", "reference"],
+    ["scenario", "reference", "segments"],
+]
+NAME = ["campaign", "name"]
+
+
 @pytest.mark.parametrize(
-    "keys",
+    ("keys", "damaged"),
     [
-        ["accepted"],
-        ["scenario", "rig"],
-        ["scenario", "disturbances"],
-        ["scenario", "reference"],
-        ["scenario", "reference", "segments"],
+        *((keys, damaged) for keys in TABLES for damaged in (None, "a", ["a"], [None], 7)),
+        *((NAME, damaged) for damaged in (None, ["a"], 7)),
     ],
 )
-@pytest.mark.parametrize("damaged", [None, "a", ["a"], [None]])
 def test_a_manifest_must_have_what_results_are_compared_by(
     samples: Path, keys: list[str], damaged: object
 ) -> None:
