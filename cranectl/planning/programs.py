@@ -169,6 +169,7 @@ def _descend(merit: Merit, x: Array, max_steps: int) -> tuple[Solution, Array]:
                 break
             move, reached, excess = corrected[0], corrected_value, corrected_excess
         ratio = (value - reached) / gain
+        # The thresholds are customary for trust regions: they change how many steps it takes, not the plan.
         if ratio < 0.3:
             radius = 0.4 * min(radius, float(np.abs(move).max()))
         elif ratio > 0.7:

@@ -161,7 +161,10 @@ class Plant(Protocol):
         """
 
     def check_length(self, length: float) -> None:
-        """Raise InputError if the plant's effects or steps do not allow a rope as short as `length` [m]."""
+        """Raise InputError if the plant's effects or steps do not allow a rope as short as `length` [m].
+
+        It is called after `reset`, since what damps a rope may depend on its length at the start.
+        """
 
     def reset(self, state: Array) -> None:
         """Start from `state` (10,) at time zero."""

@@ -15,7 +15,7 @@ from cranectl.scenario import NANOSECONDS, RigParameters, Scenario, longest_step
 
 STEPS_PER_TIME = 20.0  # in the shortest lag, and in the swing's 1 / ω
 SWEPT_ROPE = 1.4  # [m]; longest rope of the crane with the most violent runs of the sweep
-MIN_STEP_NS = 1000
+MIN_STEP_NS = 1000  # as the shortest control period, so that a step is many of the clock's nanoseconds
 SIZE_POWER = 0.25  # a load that errs by h⁴ times its rope's length
 
 

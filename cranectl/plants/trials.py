@@ -146,8 +146,8 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array | None:
     middle[0:6:2] = RIG.workspace.mean(axis=1)
     state = getattr(plant, "rest", middle).copy()
     state[ALPHA], state[BETA] = (0.1, 0.05) if trial.moving else (0.0, 0.0)
-    plant.check_length(state[ROPE])
     plant.reset(state)
+    plant.check_length(state[ROPE])
     command = np.full(3, 0.2 if trial.moving else 0.0)
     if DRIVES[drive].at_rest == "weight":
         command = 10.0 * command  # 2 N, where others have 0.2 m/s or m/s²

@@ -82,9 +82,7 @@ class Loop:
         endless: bool = False,
         records: tuple[Array, Array] | None = None,
     ) -> None:
-        # `reset` comes second: on the elastic plant the check leaves the damping of its own rope length.
-        plant.check_length(plan.shortest_rope)
-        plant.reset(plan.initial_state)
+        plan.begin(plant)
         self.scenario, self.plant, self.plan, self.controller = plan.scenario, plant, plan, controller
         self.block = compiled_loop(plant) if compiled else python_loop(plant)
         self.inputs = self._loop_inputs()

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.model import states_and_inputs
+from cranectl.plants import Plant
 from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
@@ -79,6 +80,16 @@ class Plan(PlannedReference):
         """The shortest rope length of the reference and the start [m]."""
         return float(min(self.reference_state[:, ROPE].min(), self.initial_state[ROPE]))
 
+    def begin(self, plant: Plant) -> None:
+        """Put `plant` at the start.
+
+        Raises InputError if its effects or steps do not allow the shortest rope.
+        """
+        # `reset` comes first: an elastic rope keeps the viscosity that it gets there, and a damped rope
+        # decays the faster the shorter it becomes.
+        plant.reset(self.initial_state)
+        plant.check_length(self.shortest_rope)
+
     def rows_at(self, index: NDArray[np.integer[Any]]) -> tuple[Array, Array, Array]:
         """Return copies of reference, disturbance and wind at samples `index` (n,).
 
@@ -114,7 +125,7 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
     """Raise InputError if `state` (10,) is outside the workspace, or has an angle of pi/2 or more."""
     low, high = scenario.rig.workspace.T
     axes = State(state).axes
-    outside = (axes < low - 1e-9) | (axes > high + 1e-9)
+    outside = (axes < low - 1e-9) | (axes > high + 1e-9)  # a start at the very end of a range is inside
     if outside.any() or np.abs(State(state).angles).max() >= 0.5 * np.pi:
         worst = int(np.argmax([*outside, True]))  # 3, the angle, if no axis is outside
         name = [*State.AXIS_NAMES, "a cardan angle"][worst]
@@ -165,7 +176,7 @@ def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Arr
         position = State(states).axes[:, axis]
         excess = np.maximum(low - position, position - high)
         worst = int(np.argmax(excess))
-        if excess[worst] > 1e-9:
+        if excess[worst] > 1e-9:  # [m]; a path along the end of a range is inside, rounded or not
             raise InputError(
                 f"the reference leaves the workspace: {name} = {position[worst]:.4g} m at "
                 f"{time_ns[worst] / NANOSECONDS:g} s",

@@ -11,6 +11,7 @@ from cranectl.simulate.plan import Plan
 from cranectl.simulate.prepared import PreparedController
 from cranectl.simulate.run import Run
 from cranectl.status import RunStatus
+from cranectl.support.errors import InputError
 from tests.conftest import PLANTS, closed_loop
 
 CONTROLLER, DRIVE = "lqr+loop-shaping", "velocity"
@@ -61,6 +62,15 @@ def test_a_run_has_the_same_bits_in_blocks_of_any_size(plant: str, overrides: li
             assert in_blocks(loop, size) == (run.time_ns.tobytes(), run.table.tobytes())
             assert (loop.status, loop.end_ns, loop.samples) == (run.status, run.end_ns, len(run.table))
             assert len(loop.advance(size)[0]) == 0, "a finished loop goes on"
+
+
+@pytest.mark.parametrize("plant", ["mujoco", "elastic"])
+def test_a_rope_that_becomes_short_is_judged_with_the_damping_of_its_start(plant: str) -> None:
+    """From 1.2 m to 0.5 m, the time constant of a much damped rope becomes shorter than the step allows."""
+    rope = "effects.rope={stiffness=4e3, damping_ratio=5.0, mass=0.0}"
+    make_run(rope, "control.physics_step=0.0005", plant=plant)
+    with pytest.raises(InputError, match=r"0\.5 m of rope"):
+        closed_loop("fast-diagonal", CONTROLLER, plant, DRIVE, rope, "control.physics_step=0.0005")
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -85,7 +85,7 @@ def drive_forces(rig: RigParameters, drive: Drive, effects: EffectSettings) -> t
     if DRIVES[drive].is_prescribed:
         return np.array(rotor_inertias(rig, drive)), np.zeros(3)
     gain, _, load_force = DRIVES[drive].push(rig, effects)
-    return np.array(gain), 0.0 - np.array(load_force)
+    return np.array(gain), 0.0 - np.array(load_force)  # no -0.0, as in the MJCF
 
 
 def axis_damping(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[float]:

@@ -105,12 +105,13 @@ class ElasticPlant:
     def fastest_rate(self, length: float) -> float:
         """Return the largest modulus of the poles [1/s] about rest with `length` [m] of rope.
 
-        It is computed from finite differences, with joints that slide freely.
+        It is computed from finite differences, with joints that slide freely and the viscosity of the last
+        `reset`.
         """
         crane = self.crane._replace(has_friction=False, coulomb=(0.0, 0.0, 0.0, 0.0, 0.0))
         joints, work = np.zeros(10), make_work()
         joints[ROPE] = length
-        hanging, command = taut_state(crane, self.effects, joints, self.drive)
+        hanging, command = taut_state(crane, joints, self.drive)
         changing = crane.changing
 
         def rates(state: Array) -> Array:
@@ -128,7 +129,8 @@ class ElasticPlant:
 
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[ROPE])
-        self.state[:] = taut_state(self.crane, self.effects, state, self.drive)[0]
+        set_damping(self.crane, self.effects, state[ROPE])
+        self.state[:] = taut_state(self.crane, state, self.drive)[0]
 
     @property
     def moving(self) -> NDArray[np.int64]:
@@ -161,15 +163,12 @@ class ElasticPlant:
         return 0
 
 
-def taut_state(
-    crane: ElasticCrane, effects: EffectSettings, joints: Array, drive: Drive
-) -> tuple[Array, Array]:
+def taut_state(crane: ElasticCrane, joints: Array, drive: Drive) -> tuple[Array, Array]:
     """Return the state (22,) that starts at `joints` (10,), and the command (3,) that keeps it.
 
-    A rope that can be taut is stretched until its stretch has no acceleration. The viscosity of the rope is
-    set too. Velocity drives keep their speeds, and force drives hold the weight.
+    A rope that can be taut is stretched until its stretch has no acceleration. Velocity drives keep their
+    speeds, and force drives hold the weight.
     """
-    set_damping(crane, effects, joints[ROPE])
     command = np.zeros(3)
     if DRIVES[drive].at_rest == "rates":
         command[:] = joints[BRIDGE + 1 : ROPE + 2 : 2]

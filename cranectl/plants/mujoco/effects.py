@@ -127,7 +127,7 @@ def body_entries(body: Body, of: Setting) -> list[Entry]:
 
 WINCH_MASS = 1e-9  # [kg] of the winch's body; the rotor's inertia is the joint's armature
 MAX_FORCE = 1e12  # [N]
-SLENDER = 1e-6  # inertia of the rope about its own axis, as a share of that across
+SLENDER = 1e-6  # inertia of the rope about its own axis, as a share of that across; MuJoCo asks for some
 
 
 def add_rope(spec: mujoco.MjSpec, rope: Rope, _of: Setting) -> None:

@@ -143,7 +143,7 @@ def _velocity_drive_entries(rig: RigParameters, drive: Drive, effects: EffectSet
     drives = []
     for name, gain, damping, load_force in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
         proportional = (gain,)
-        bias = (0.0 - load_force, 0.0, -damping)
+        bias = (0.0 - load_force, 0.0, -damping)  # a minus sign alone would write "-0" for no force
         drives.append(Entry("actuator", name, "gainprm", proportional))
         drives.append(Entry("actuator", name, "biasprm", bias))
     drives.append(Entry("joint", "rope_length", "armature", armature))

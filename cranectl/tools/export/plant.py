@@ -30,7 +30,7 @@ def plant_model(scenario: Scenario, plant: str, drive: str) -> Model:
         )
     check_compiler()
     kind, plan = DRIVES.checked(drive), Plan.of(scenario)
-    PLANTS.make(plant, scenario, kind).check_length(plan.shortest_rope)  # both raise InputError
+    plan.begin(PLANTS.make(plant, scenario, kind))  # both raise InputError
     start = plan.initial_state
     numbers = PlantNumbers(scenario, plant, kind, start)
     parameters, constants = numbers.sorted_out()

@@ -154,11 +154,11 @@ def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:
     The error names a step that is short enough for all of them. A reference that exceeds a limit of a variant
     is an InputError too.
     """
-    shortest, errors = Plan.of(scenario).shortest_rope, []
+    plan, errors = Plan.of(scenario), []
     for variant in variants:
         PlannedReference.of(variant)
         try:
-            PLANTS.make("mujoco", variant, "velocity").check_length(shortest)
+            plan.begin(PLANTS.make("mujoco", variant, "velocity"))
         except StepError as error:
             errors.append(error)
     if errors:

@@ -1,5 +1,7 @@
 """The elastic plant's integrator: its order, joints that stick, and where they let go."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,8 @@ from cranectl.plants.elastic.crane import RAILS, STRETCH
 from cranectl.plants.elastic.plant import ElasticPlant
 from cranectl.plants.elastic.step import stick_or_slip
 from cranectl.plants.mujoco.model import fastest_rate
-from cranectl.plants.plant import DRIVES, Drive, StepError
-from cranectl.scenario.effects import EffectNumbers, EffectSettings
+from cranectl.plants.plant import DRIVES, MAX_RATE_STEP, Drive, StepError
+from cranectl.scenario.effects import EffectNumbers, EffectSettings, Rope
 from cranectl.support.arrays import Array
 from tests.plants.cranes import HANGING, RIG, make, simulate
 
@@ -65,6 +67,23 @@ def test_it_vibrates_as_fast_as_the_engine_does(names: tuple[str, ...], drive: D
     )
     with pytest.raises(StepError, match="too fast for steps"):
         ElasticPlant(RIG, drive=drive, step=0.05, substeps=1, effects=effects).check_length(0.8)
+
+
+@pytest.mark.parametrize("name", ["mujoco", "elastic"])
+def test_a_damped_rope_that_becomes_short_needs_shorter_steps(name: str) -> None:
+    """The viscosity of the start stays, so a shorter rope decays faster.
+
+    A load m on a rope of length l has the poles of m s^2 + (v / l) s + E A / l, with v = 2 D sqrt(E A m l0).
+    """
+    rope, starts, short = Rope(stiffness=4e3, damping_ratio=3.0, mass=0.0), 0.7, 0.2
+    viscosity = 2.0 * rope.damping_ratio * np.sqrt(rope.stiffness * RIG.load_mass * starts)
+    rate = np.abs(np.roots([RIG.load_mass, viscosity / short, rope.stiffness / short])).max()
+    start = np.zeros(10)
+    start[4] = starts
+    for step, is_stable in ((0.99 * MAX_RATE_STEP / rate, True), (1.01 * MAX_RATE_STEP / rate, False)):
+        plant = make(name, EffectSettings(rope=rope), step=step, start=start)
+        with nullcontext() if is_stable else pytest.raises(StepError, match=r"0\.2 m of rope"):
+            plant.check_length(short)
 
 
 @pytest.mark.parametrize("names", [(), ("frame",), ("rope",), ("frame", "rope")])
