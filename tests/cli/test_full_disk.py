@@ -1,6 +1,7 @@
 """Where nothing more can be written, each writer says so in one sentence, and leaves nothing half-written."""
 
 import resource
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,8 +32,10 @@ WRITERS = {
 
 
 @contextmanager
-def full_disk() -> Iterator[None]:
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let no file of this process grow beyond ROOM, as on a disk that is full from then on."""
+    # Python would leave compiled modules of the environment cut off, and nobody could load them again.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, most))
     try:
@@ -43,9 +46,11 @@ def full_disk() -> Iterator[None]:
 
 @pytest.mark.usefixtures("in_copy_of_files")
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_full_disk_is_told_in_one_sentence(writer: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_full_disk_is_told_in_one_sentence(
+    writer: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = {path for path in Path().rglob("*") if path.is_file()}
-    with full_disk():
+    with full_disk(monkeypatch):
         code = main(WRITERS[writer].split())
     error = capfd.readouterr().err
     assert code == 2, error

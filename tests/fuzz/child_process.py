@@ -140,6 +140,7 @@ def limit_memory(additional: int) -> None:
 
 def limit_disk(size: int) -> None:
     """Limit each file to `size` bytes, as a full disk does."""
+    sys.dont_write_bytecode = True  # Python would leave compiled modules of the environment cut off
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 

@@ -400,6 +400,7 @@ def test_a_termination_signal_waits_for_the_log(long_log: Path, tmp_path: Path) 
 
 FILL_DISK = """
 import resource, signal, sys
+sys.dont_write_bytecode = True  # or it would leave compiled modules of the environment cut off
 from cranectl.support.errors import LogError
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
