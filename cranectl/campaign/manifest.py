@@ -32,37 +32,37 @@ NOT_DECISIVE = ("title", "limits", "scenario", "rig", "set")
 SPENT = ("limits", "planning", "obstacles")  # tables of a scenario that change no run of its stored reference
 
 
-class _Part(BaseModel):
+class _Shape(BaseModel):
     """A part of a manifest: what is read of it before the classes of settings check the rest."""
 
     model_config = ConfigDict(strict=True, extra="allow")
 
 
-class _Campaign(_Part):
+class _Campaign(_Shape):
     name: str
 
 
-class _Model(_Part):
+class _Model(_Shape):
     file: str
     __pydantic_extra__: dict[str, str]  # label, colour, ... of the plant
 
 
-class _Segment(_Part):
+class _Segment(_Shape):
     source: dict[str, Any] | None = None
     made_from: dict[str, Any] = {}
 
 
-class _Reference(_Part):
+class _Reference(_Shape):
     segments: list[_Segment]
 
 
-class _Scenario(_Part):
+class _Scenario(_Shape):
     rig: dict[str, Any]
     reference: _Reference
     disturbances: list[dict[str, Any]]
 
 
-class _Manifest(_Part):
+class _Manifest(_Shape):
     campaign: _Campaign
     runs: int
     scenario: _Scenario

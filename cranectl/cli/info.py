@@ -81,7 +81,7 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
     differences = find_differences(own)
     facts = [
         ("model", file),
-        *((key.replace("_", " "), name) for key, name in names),
+        *((key.replace("_", " "), name) for key, name in names if name),
         (
             "drives",
             f"take {own.servo}; an axis moves them {', '.join(f'{r:g}' for r in own.ratios)} times as fast",
@@ -91,16 +91,18 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
     screen.print_each(f"{name:26} {text}" for name, text in facts)
-    screen.print_each(_rig_lines(file, names, numbers), indent="  ")
+    ranges = {name: [float(f"{end:g}") for end in ends] for name, ends in own.ranges.items()}
+    screen.print_each(_rig_lines(file, names, {**numbers, **ranges}), indent="  ")
     listed = [difference._asdict() for difference in differences]
-    screen.write_json({"drives": own.servo, "rig": numbers, "differences": listed})
+    screen.write_json({"drives": own.servo, "rig": numbers, "ranges": ranges, "differences": listed})
     return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
 
 
-def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) -> Iterator[str]:
+def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float | list[float]]) -> Iterator[str]:
     """Yield what a rig file says of a model: its path, its numbers, and names other than the default."""
     yield f"model = {json.dumps(file.as_posix(), ensure_ascii=False)}"
-    yield from (f"{name} = {number:g}" for name, number in numbers.items())
+    for name, number in numbers.items():
+        yield f"{name} = {number if isinstance(number, list) else f'{number:g}'}"
     others = {key: name for key, name in names if name != type(names).model_fields[key].default}
     yield from ("", "[plant.names]") if others else ()
     yield from (f"{key} = {json.dumps(name, ensure_ascii=False)}" for key, name in others.items())

@@ -35,13 +35,14 @@ class Look(Settings):
 
 
 class ModelNames(Settings):
-    """Names of sites and actuators in a model file that is run as a plant."""
+    """Names in a model file that is run as a plant."""
 
-    pivot: str = Field("pivot", description="site where the rope leaves the trolley")
-    load: str = Field("load", description="site whose motion is that of the load")
+    pivot: str = Field("pivot", description="site, body or geom where the rope leaves the trolley")
+    load: str = Field("load", description="site, body or geom whose motion is that of the load")
     bridge_drive: str = Field("bridge_drive", description="actuator that moves the pivot along x")
     trolley_drive: str = Field("trolley_drive", description="actuator that moves the pivot along y")
     winch_drive: str = Field("winch_drive", description="actuator that pays out rope")
+    keyframe: str = Field("", description="keyframe to begin at; empty for the pose of the file")
 
     @property
     def drives(self) -> tuple[str, str, str]:

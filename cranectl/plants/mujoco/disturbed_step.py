@@ -8,7 +8,7 @@ to the fifth order of the step if one does. (The engine's callback for such forc
 process, and a model without springs and dampers skips it.)
 """
 
-from math import cos, sin, sqrt
+from math import cos, exp, sin, sqrt
 from typing import NamedTuple
 
 import mujoco
@@ -41,6 +41,8 @@ class StageWork(NamedTuple):
 
     qacc: Array  # view
     warmstart: Array  # view
+    act: Array  # (na,) view of the activations of drives
+    act_dot: Array  # (na,) view
     qpos_address: int
     slope_address: int
     swing: int  # index in qvel of the load's ball joint; -1 without one
@@ -50,15 +52,23 @@ class StageWork(NamedTuple):
     turn: Array  # (3,) rotation vector of the load since the start, about its own axes
     mean_slope: Array  # (nv,)
     mean_acceleration: Array  # (nv,)
+    start_act: Array  # (na,)
+    act_rate: Array  # (na,) of the last stage
+    mean_act_rate: Array  # (na,)
+    act_times: Array  # (na,) time constants [s] of activations that the engine advances exactly, else 0
+    act_ranges: Array  # (na, 2)
     sensed: Array  # sensor values of the load at the start of the step
 
 
 def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swing: int, sensors: int) -> StageWork:
     """Make the work space for steps of `data`, whose load has `sensors` sensor values."""
     slope = np.zeros(model.nv)
+    times, ranges = _activations(model)
     return StageWork(
         qacc=data.qacc,
         warmstart=data.qacc_warmstart,
+        act=data.act,
+        act_dot=data.act_dot,
         qpos_address=data.qpos.ctypes.data,
         slope_address=slope.ctypes.data,
         swing=swing,
@@ -68,8 +78,25 @@ def stage_work(model: mujoco.MjModel, data: mujoco.MjData, *, swing: int, sensor
         turn=np.zeros(3),
         mean_slope=np.zeros(model.nv),
         mean_acceleration=np.zeros(model.nv),
+        start_act=np.zeros(model.na),
+        act_rate=np.zeros(model.na),
+        mean_act_rate=np.zeros(model.na),
+        act_times=times,
+        act_ranges=ranges,
         sensed=np.zeros(sensors),
     )
+
+
+def _activations(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Return time constants (na,) and ranges (na, 2) of the activations, as `StageWork` has them."""
+    times, ranges = np.zeros(model.na), np.full((model.na, 2), [-np.inf, np.inf])
+    for k in np.flatnonzero(model.actuator_actnum == 1):
+        address = model.actuator_actadr[k]
+        if model.actuator_dyntype[k] == int(mujoco.mjtDyn.mjDYN_FILTEREXACT):
+            times[address] = max(model.actuator_dynprm[k, 0], mujoco.mjMINVAL)
+        if model.actuator_actlimited[k]:
+            ranges[address] = model.actuator_actrange[k]
+    return times, ranges
 
 
 @jit
@@ -163,6 +190,9 @@ def _begin(rig):
     for i in range(len(rig.qvel)):
         work.start_velocity[i] = rig.qvel[i]
         work.mean_slope[i] = work.mean_acceleration[i] = 0.0
+    for i in range(len(work.act)):
+        work.start_act[i] = work.act[i]
+        work.mean_act_rate[i] = 0.0
     for i in range(3):
         work.turn[i] = 0.0
     for i in range(len(rig.load_sensors)):
@@ -198,6 +228,21 @@ def _keep_stage(rig, weight):
     for i in range(len(rig.qvel)):
         work.mean_slope[i] += work.slope[i] * weight
         work.mean_acceleration[i] += work.qacc[i] * weight
+    for i in range(len(work.act)):
+        work.act_rate[i] = work.act_dot[i]
+        work.mean_act_rate[i] += work.act_dot[i] * weight
+
+
+@jit
+def _advance_activations(rig):
+    """Set the activations at the end of the step, as the engine does from their mean rates."""
+    work = rig.work
+    for i in range(len(work.act)):
+        time, reach = work.act_times[i], rig.step
+        if time > 0.0:
+            reach = time * (1.0 - exp(-rig.step / time))
+        end = work.start_act[i] + work.mean_act_rate[i] * reach
+        work.act[i] = min(max(end, work.act_ranges[i, 0]), work.act_ranges[i, 1])
 
 
 @jit
@@ -230,7 +275,10 @@ def step_in_stages(rig, disturbance, wind):
         _keep_stage(rig, WEIGHT[stage])
         if stage < 3:
             _move(rig, work.slope, work.qacc, REACH[stage] * rig.step)
+            for i in range(len(work.act)):
+                work.act[i] = work.start_act[i] + work.act_rate[i] * REACH[stage] * rig.step
     _move(rig, work.mean_slope, work.mean_acceleration, rig.step)
+    _advance_activations(rig)
     for i in range(len(rig.qvel)):
         work.warmstart[i] = work.qacc[i]
     release_load(rig)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_model import AXES, OwnModel
-from cranectl.plants.mujoco.sites import rope_acceleration
+from cranectl.plants.mujoco.own_model import OwnModel
+from cranectl.plants.mujoco.sites import AXES, rope_acceleration
 from cranectl.signals import ROPE
 from cranectl.support import Array
 
@@ -45,7 +45,7 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     other = "inertia of the load, a second pendulum, further masses or forces"
     causes = f"{known}, or {other}" if (known := ", ".join(_causes(own.model))) else other
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
-    rests[2] = "it accelerates while its drives rest: does the winch hold the weight?"
+    rests[2] = f"it accelerates while its drives rest: does the winch hold the weight? {_holding(own)}"
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in AXES[:3]]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
     sized = [
@@ -55,11 +55,32 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     differences = [
         ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED
     ]
-    if own.servo == "position":
+    if own.servo not in ("velocity", "force"):
         differences.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))
+    for name, seconds in zip(own.names.drives, own.filters, strict=True):
+        if seconds:
+            differences.append(
+                ModelDifference(
+                    f"filter of {seconds:g} s before {name}",
+                    0.0,
+                    "drives of other plants have one lag, the sum of this filter and of the servo"
+                    if own.servo != "force"
+                    else "force drives of other plants have no lag",
+                )
+            )
     if own.model.actuator_ctrllimited[own.drives].any() or own.model.actuator_forcelimited[own.drives].any():
         differences.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
     return tuple(differences)
+
+
+def _holding(own: OwnModel) -> str:
+    """Return in words the bias with which a velocity drive of the winch holds the weight."""
+    if own.servo != "velocity":
+        return ""
+    bias = own.model.actuator_biasprm[own.drives[2]].copy()
+    bias[0] = -own.load_mass * own.gravity / own.ratios[2]
+    numbers = " ".join(f"{number:g}" for number in bias[:3] + 0.0)
+    return f'With biastype="affine" biasprm="{numbers}" it does.'
 
 
 def _random_states(own: OwnModel) -> Iterator[Array]:
@@ -82,6 +103,7 @@ def _unrest(own: OwnModel, state: Array) -> Array:
 def _forward(own: OwnModel, state: Array) -> tuple[mujoco.MjData, Array]:
     """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there."""
     data = mujoco.MjData(own.free)
+    own.pose(data)
     gradient = own.place(data, state)
     own.hold(data)
     mujoco.mj_forward(own.free, data)
@@ -109,9 +131,11 @@ def _causes(model: mujoco.MjModel) -> Iterator[str]:
     tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss
     for names, tables in ((model.joint, joints), (model.tendon, tendons)):
         for kind, numbers in zip(kinds, tables, strict=True):
-            yield from (f"{kind} of {names(k).name}" for k in np.flatnonzero(numbers))
-    yield from (f"gravcomp of {model.body(k).name}" for k in np.flatnonzero(model.body_gravcomp))
-    yield from (f"constraint {model.equality(k).name}" for k in range(model.neq))
+            yield from (f"{kind} of {names(k).name or k}" for k in np.flatnonzero(numbers))
+    yield from (f"gravcomp of {model.body(k).name or k}" for k in np.flatnonzero(model.body_gravcomp))
+    for constraint, kind in enumerate(model.eq_type):
+        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
+        yield f"constraint {model.equality(constraint).name or constraint} ({word})"  # most have no name
     yield from (f"{part} of the air" for part in ("density", "viscosity") if getattr(model.opt, part))
     for k in np.flatnonzero(model.tendon_armature):
         ends = model.wrap_objid[model.tendon_adr[k] + np.array([0, model.tendon_num[k] - 1])]

@@ -3,17 +3,25 @@
 Nothing of the model is changed but the integrator, which is RK4 as for the shipped model.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.plants.mujoco.own_names import complete_names
 from cranectl.plants.mujoco.own_size import check_files, check_finite
 from cranectl.scenario import ModelNames
 from cranectl.support import InputError
 
+INTEGRATOR, FILTER, FILTEREXACT = (
+    int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("INTEGRATOR", "FILTER", "FILTEREXACT")
+)
+ACTIVATIONS = (int(mujoco.mjtDyn.mjDYN_NONE), INTEGRATOR, FILTER, FILTEREXACT)
+GROUPS = 31  # of actuators that can be switched off
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
 SENSORS = (
@@ -35,7 +43,7 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
     try:
         check_files(file)
         spec = mujoco.MjSpec.from_file(str(file))
-        _check_names(file, spec, names)
+        complete_names(file, spec, names)
         for k, (kind, of) in enumerate(SENSORS):
             objtype = mujoco.mjtObj.mjOBJ_ACTUATOR if of == "winch_drive" else mujoco.mjtObj.mjOBJ_SITE
             spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
@@ -73,19 +81,6 @@ def embed_files(spec: mujoco.MjSpec) -> None:
         spec.delete(texture)
 
 
-def _check_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
-    """Raise InputError if a site or an actuator is not in the model."""
-    for key, name in names:
-        kind = "actuator" if key.endswith("drive") else "site"
-        known = [element.name for element in (spec.actuators if kind == "actuator" else spec.sites)]
-        if name not in known:
-            raise InputError(
-                f"{file} has no {kind} named '{name}' for the {key.replace('_', ' ')}",
-                allowed=f"{kind}s of the model: {', '.join(filter(None, known)) or 'none'}",
-                remedy=f"add --set rig.plant.names.{key}=NAME, or add the {kind} to the file",
-            )
-
-
 def sensor_values(model: mujoco.MjModel) -> NDArray[np.int64]:
     """Return the indices in sensordata of the values of SENSORS."""
     sensors = [model.sensor(f"{SENSOR_NAME}{k}") for k in range(len(SENSORS))]
@@ -93,9 +88,21 @@ def sensor_values(model: mujoco.MjModel) -> NDArray[np.int64]:
 
 
 def servo_kind(file: Path, model: mujoco.MjModel, names: ModelNames) -> str:
-    """Return what the drives take, "velocity", "position" or "force"; raise InputError if they differ."""
-    kinds = {name: _kind(model, model.actuator(name).id) for name in names.drives}
-    if "other" in kinds.values() or len(set(kinds.values())) > 1:
+    """Return what the drives take: "velocity", "position", "moving position" or "force".
+
+    The set-points of a drive with a moving position are the integral of its control. Raises InputError if the
+    drives differ, or if one has what no plant has.
+    """
+    kinds = {}
+    for name in names.drives:
+        for cause, remedy in _peculiarities(model, name):
+            raise InputError(
+                f"{file}: {name} has {cause}",
+                allowed="drives whose force is gain times control, filtered or not, plus an affine bias",
+                remedy=remedy,
+            )
+        kinds[name] = _kind(model, model.actuator(name).id)
+    if len(set(kinds.values())) > 1:
         raise InputError(
             f"{file}: {', '.join(f'{name} is of the kind {kind}' for name, kind in kinds.items())}",
             allowed="three actuators of one kind: velocity, position or force (motor)",
@@ -104,14 +111,46 @@ def servo_kind(file: Path, model: mujoco.MjModel, names: ModelNames) -> str:
     return next(iter(kinds.values()))
 
 
+def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]]:
+    """Yield what keeps an actuator from being a drive, each with its remedy."""
+    drive = model.actuator(name)
+    k, group, plain = drive.id, int(drive.group[0]), f"write {name} as <velocity>, <position> or <motor>"
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_ACTUATION):
+        yield "no force, since a flag switches all drives off", 'remove actuation="disable" from <flag>'
+    if 0 <= group < GROUPS and model.opt.disableactuator & (1 << group):
+        yield (
+            f"no force, since actuatorgroupdisable switches its group {group} off",
+            f"take {group} out of actuatorgroupdisable",
+        )
+    if delay := float(model.actuator_delay[k]):
+        yield (
+            f"a delay of {delay:g} s, which only starts with an empty history",
+            f"remove delay from {name}, and add --set effects.delay.seconds={delay:g}, for all plants",
+        )
+    if model.actuator_dyntype[k] not in ACTIVATIONS or model.actuator_actearly[k]:
+        yield f"an activation of the type {_short(mujoco.mjtDyn, model.actuator_dyntype[k])}", plain
+    if model.actuator_gaintype[k] != int(mujoco.mjtGain.mjGAIN_FIXED) or not model.actuator_gainprm[k, 0]:
+        gain = model.actuator_gainprm[k, 0]
+        yield f"a gain of {gain:g}, {_short(mujoco.mjtGain, model.actuator_gaintype[k])}", plain
+    if model.actuator_biastype[k] > int(mujoco.mjtBias.mjBIAS_AFFINE):
+        yield f"a bias of the type {_short(mujoco.mjtBias, model.actuator_biastype[k])}", plain
+    if model.actuator_dyntype[k] == INTEGRATOR and not model.actuator_biasprm[k, 1] < 0.0:
+        yield "an integrated control without a stiffness", plain
+
+
+def _short(kinds: Any, number: int) -> str:
+    """Return the word of MJCF for one of the engine's constants."""
+    return str(kinds(int(number)).name.partition("_")[2].lower())
+
+
+def filter_time(model: mujoco.MjModel, k: int) -> float:
+    """Return the time constant of the filter between the control of an actuator and its force [s]."""
+    is_filter = model.actuator_dyntype[k] in (FILTER, FILTEREXACT)
+    return float(model.actuator_dynprm[k, 0]) if is_filter else 0.0
+
+
 def _kind(model: mujoco.MjModel, k: int) -> str:
+    if model.actuator_dyntype[k] == INTEGRATOR:
+        return "moving position"
     stiffness, damping = -model.actuator_biasprm[k, 1:3]
-    is_plain = (
-        model.actuator_dyntype[k] == int(mujoco.mjtDyn.mjDYN_NONE)
-        and model.actuator_gaintype[k] == int(mujoco.mjtGain.mjGAIN_FIXED)
-        and model.actuator_biastype[k] <= int(mujoco.mjtBias.mjBIAS_AFFINE)
-        and model.actuator_gainprm[k, 0] > 0.0
-    )
-    if not is_plain:
-        return "other"
     return "position" if stiffness > 0.0 else "velocity" if damping > 0.0 else "force"

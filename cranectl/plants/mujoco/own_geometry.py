@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import mujoco
 
 from cranectl.plants.mujoco.own_file import SENSOR_NAME
-from cranectl.plants.mujoco.own_model import SiteModel
+from cranectl.plants.mujoco.sites import SiteModel
 from cranectl.scenario import ModelNames
 
 PREFIX = "own/"  # of the names of what the user's model has

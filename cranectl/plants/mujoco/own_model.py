@@ -3,83 +3,35 @@
 import copy
 import functools
 import hashlib
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_file import embed_files, sensor_values, servo_kind, spec_of_file
+from cranectl.plants.mujoco.own_file import (
+    embed_files,
+    filter_time,
+    sensor_values,
+    servo_kind,
+    spec_of_file,
+)
 from cranectl.plants.mujoco.own_size import content_digest
-from cranectl.plants.mujoco.sites import state_of_sites
-from cranectl.scenario import ModelNames
+from cranectl.plants.mujoco.sites import AXES, SiteModel
+from cranectl.scenario import ModelNames, RigParameters
 from cranectl.signals import ALPHA, ROPE
 from cranectl.support import Array, InputError, Provenance
 
-AXES = ("bridge", "trolley", "rope", "alpha", "beta")
-MAX_NEWTON_STEPS = 50
-PLACED = 1e-10  # [m, rad] from the state that the sites are to show; one more step then reaches rounding
 MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
 MAX_RISE = 1e-6  # [m] of the pivot
 MAX_OFFSET = 1e-5  # [m] of a hanging load from below its pivot
 # Places where drives and rest are examined: x, y and rope from those of the file, in lengths of that rope.
 PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2))
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
-NAMES = (
-    "check the names in [plant.names], and the gear of drives that move backwards; no crane may slew or luff"
-)
+NAMES = "check the names in [plant.names], and what else the drive moves; no crane may slew or luff"
+TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
-
-
-class SiteModel:
-    """A compiled model whose sites of pivot and load show the state of a crane."""
-
-    def __init__(self, model: mujoco.MjModel, sites: tuple[str, str], source: object) -> None:
-        """Take a model with these `sites`; errors name its `source`."""
-        self.model, self.source = model, source
-        self.sites = tuple(model.site(name).id for name in sites)
-
-    def show(self, data: mujoco.MjData) -> tuple[Array, Array]:
-        """Return the state (10,) that the sites show, and the gradient (5, nv) of its positions."""
-        mujoco.mj_kinematics(self.model, data)
-        mujoco.mj_comPos(self.model, data)
-        columns = np.zeros((2, 3, self.model.nv))
-        for jacobian, site in zip(columns, self.sites, strict=True):
-            mujoco.mj_jacSite(self.model, data, jacobian, None, site)
-        pivot, load = (data.site_xpos[site] for site in self.sites)
-        state, gradient = np.zeros(10), np.zeros((5, self.model.nv))
-        if np.array_equal(pivot, load):
-            return state, gradient
-        for k in range(self.model.nv):
-            velocities = np.ascontiguousarray(columns[:, :, k])
-            state_of_sites(pivot, load, velocities[0], velocities[1], state)
-            gradient[:, k] = state[1::2]
-        velocities = columns @ data.qvel
-        state_of_sites(pivot, load, velocities[0], velocities[1], state)
-        return state, gradient
-
-    def place(self, data: mujoco.MjData, state: Array) -> Array:
-        """Set joints and rates in `data` so that the sites show `state` (10,), by Newton's method.
-
-        What the sites do not show stays as near to where it is as possible. Returns the gradient (5, nv)
-        there. Raises InputError if the model cannot be there.
-        """
-        is_near = False
-        for _ in range(MAX_NEWTON_STEPS):
-            shown, gradient = self.show(data)
-            inverse = np.linalg.pinv(gradient)
-            if is_near:
-                data.qvel[:] = inverse @ state[1::2]
-                return gradient
-            missing = state[0::2] - shown[0::2]
-            mujoco.mj_integratePos(self.model, data.qpos, inverse @ missing, 1.0)
-            is_near = bool(np.abs(missing).max() < PLACED)
-        positions = ", ".join(f"{axis} {value:.4g}" for axis, value in zip(AXES, state[0::2], strict=True))
-        raise InputError(
-            f"{self.source}: no joints bring its sites to {positions}",
-            allowed="states that its joints can reach",
-            remedy="begin the reference where the model can be",
-        )
 
 
 class OwnModel(SiteModel):
@@ -96,14 +48,20 @@ class OwnModel(SiteModel):
         self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
         self.drives = np.array([model.actuator(name).id for name in names.drives], dtype=np.int64)
         self.sensors = sensor_values(model)  # indices in sensordata
-        self.servo = servo_kind(file, model, names)  # what the drives take: velocity, position or force
+        self.servo = servo_kind(file, model, names)  # what the drives take, such as "velocity"
+        self.filters = np.array([filter_time(model, k) for k in self.drives])  # (3,) before the forces [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
-        shown, _ = self.show(mujoco.MjData(model))
+        shown, _ = self.show(self.new_data())
         if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
+            poses = [f"--set rig.plant.names.keyframe={shlex.quote(name)}" for name in self._other_poses()]
+            pose = f"keyframe '{names.keyframe}'" if names.keyframe else "pose of the file"
             raise InputError(
-                f"{file}: a rope of {shown[ROPE]:g} m and gravity {model.opt.gravity.tolist()} m/s²",
+                f"{file}: in the {pose}, a rope of {shown[ROPE]:g} m and gravity "
+                f"{model.opt.gravity.tolist()} m/s²",
                 allowed="a load at some distance from its pivot, and gravity along -z",
-                remedy="correct sites and gravity in the file",
+                remedy=f"begin at a keyframe: add {' or '.join(poses)}"
+                if poses
+                else "correct sites and gravity in the file",
             )
         shown[1::2] = shown[ALPHA:] = 0.0
         self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
@@ -112,6 +70,8 @@ class OwnModel(SiteModel):
         self.driven_masses = self.ratios / pushed  # (3,) as in `RigParameters.driven_masses` [kg]
         # Without force the rope runs out with g m / (winch + m).
         self.load_mass = float(self.driven_masses[2] * falling / self.gravity)  # of all that hangs [kg]
+        self._check_masses()
+        self._check_response()
 
     @property
     def scale(self) -> Array:
@@ -119,19 +79,27 @@ class OwnModel(SiteModel):
         gain = self.model.actuator_gainprm[self.drives, 0]
         if self.servo == "force":
             return np.asarray(1.0 / (self.ratios * gain))
-        term = 1 if self.servo == "position" else 2
+        term = 2 if self.servo == "velocity" else 1
         return np.asarray(-self.model.actuator_biasprm[self.drives, term] * self.ratios / gain)
 
     def hold(self, data: mujoco.MjData) -> None:
-        """Set the controls that keep the present velocity or position of the axes, or hold the weight."""
+        """Set controls and activations that keep velocity or position of the axes, or hold the weight."""
+        set_points = np.zeros(3)
         if self.servo == "velocity":
             shown, _ = self.show(data)
-            data.ctrl[self.drives] = self.scale * shown[1:6:2]
-        elif self.servo == "position":
-            mujoco.mj_fwdPosition(self.model, data)
-            data.ctrl[self.drives] = data.actuator_length[self.drives] * self.scale / self.ratios
+            set_points = self.scale * shown[1:6:2]
+        elif self.servo == "force":
+            set_points[2] = -self.load_mass * self.gravity * self.scale[2]
         else:
-            data.ctrl[self.drives[2]] = -self.load_mass * self.gravity * self.scale[2]
+            # Set-points beyond the present position, by what the servo of the winch sags under the weight.
+            mujoco.mj_fwdPosition(self.model, data)
+            bias, gain = self.model.actuator_biasprm[self.drives], self.model.actuator_gainprm[self.drives, 0]
+            force = np.array([0.0, 0.0, -self.load_mass * self.gravity / self.ratios[2]])
+            set_points = (force - bias[:, 0] - bias[:, 1] * data.actuator_length[self.drives]) / gain
+        for drive, set_point in zip(self.drives, set_points, strict=True):
+            if (address := self.model.actuator_actadr[drive]) >= 0:
+                data.act[address] = set_point
+            data.ctrl[drive] = 0.0 if self.servo == "moving position" else set_point
 
     def places(self) -> Iterator[Array]:
         """Yield the states (10,) of PLACES, at rest with the load below the pivot."""
@@ -142,16 +110,54 @@ class OwnModel(SiteModel):
     def built_in(self) -> dict[str, float]:
         """The numbers of the rig that the model has, by their names in a rig."""
         both, trolley, winch = self.driven_masses
-        masses = (both - trolley, trolley, max(winch - self.load_mass, MIN_STATED), self.load_mass)
+        # One body may slide along x and y; then the bridge has no mass of its own.
+        masses = (
+            max(both - trolley, MIN_STATED),
+            trolley,
+            max(winch - self.load_mass, MIN_STATED),
+            self.load_mass,
+        )
         parts = ("bridge", "trolley", "winch", "load")
         numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
         if self.servo != "force":
             _, stiffness, damping = -self.model.actuator_biasprm[self.drives, :3].T
             is_velocity = self.servo == "velocity"
             lags = self.driven_masses / (self.ratios**2 * damping) if is_velocity else damping / stiffness
-            for part, lag in zip(parts, lags, strict=False):
+            for part, lag in zip(parts, lags + self.filters, strict=False):
                 numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
         return {name: float(number) for name, number in {"gravity": self.gravity, **numbers}.items()}
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """The travel of the axes [m] that the limits of joints leave, by its name in a rig.
+
+        Only joints that each move one axis and no other have such a range.
+        """
+        data = self.new_data()
+        shown, gradient = self.show(data)
+        found = {}
+        for joint in np.flatnonzero(self.model.jnt_limited):
+            is_slide = self.model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+            moved = gradient[:3, self.model.jnt_dofadr[joint]].copy()
+            if np.abs(moved[:2]).max() > MAX_COUPLING:
+                moved[2] = 0.0  # a free load stays behind while its pivot moves
+            axis = int(np.abs(moved).argmax())
+            if is_slide and abs(np.abs(moved[axis]) - 1.0) + np.abs(moved).sum() - 1.0 < MAX_COUPLING:
+                way = self.model.jnt_range[joint] - data.qpos[self.model.jnt_qposadr[joint]]
+                ends = sorted(float(end) for end in shown[2 * axis] + moved[axis] * way)
+                found[f"{AXES[axis]}_range"] = (ends[0], ends[1])
+        return found
+
+    def new_data(self) -> mujoco.MjData:
+        """Return data in the pose of the file, or of the keyframe that the rig names."""
+        data = mujoco.MjData(self.model)
+        self.pose(data)
+        return data
+
+    def pose(self, data: mujoco.MjData) -> None:
+        """Set the joints of `data` to the pose from which states are reached."""
+        if self.names.keyframe:
+            data.qpos[:] = self.model.key_qpos[self.model.key(self.names.keyframe).id]
 
     def _moments(self, data: mujoco.MjData) -> Array:
         """Return the gradient (3, nv) of the actuators' lengths."""
@@ -165,18 +171,19 @@ class OwnModel(SiteModel):
         """Return the ratios; raise InputError unless each drive moves its own axis only, everywhere alike."""
         ratios, heights = np.zeros(3), []
         for state in self.places():
-            data = mujoco.MjData(self.model)
+            data = self.new_data()
             gradient, moment = self.place(data, state), self._moments(data)
             heights.append(float(data.site_xpos[self.sites[0], 2]))
             motion = moment @ np.linalg.pinv(gradient)  # (3, 5) of actuators, by axis
-            ratios = ratios if ratios.any() else np.diag(motion).copy()  # the first place sets them
+            # The first place sets them. They are negative where a positive control moves backwards.
+            ratios = ratios if ratios.any() else np.diag(motion).copy()
             others = np.hstack([motion - np.eye(3, 5) * ratios[:, np.newaxis], moment - motion @ gradient])
-            for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * ratios)):
+            for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * np.abs(ratios))):
                 moved = ", ".join(f"{axis} {part:.3g}" for axis, part in zip(AXES, motion[k], strict=True))
                 raise InputError(
                     f"{self.names.drives[k]} does not move the {AXES[k]} alone and evenly: "
                     f"its motion per axis is {moved}",
-                    allowed="drives that each move their own axis forward, in all places by the same amount",
+                    allowed="drives that each move their own axis, in all places by the same amount",
                     remedy=(
                         f"name the end of the rope as load, with --set rig.plant.names.load={hook}; "
                         f"'{self.names.load}' still swings below it"
@@ -191,6 +198,66 @@ class OwnModel(SiteModel):
                 remedy=NAMES,
             )
         return ratios
+
+    def _check_masses(self) -> None:
+        """Raise InputError for masses and gravity that no rig may have."""
+        if not self.load_mass > MIN_STATED * self.driven_masses[2]:
+            lifted = [self.model.body(k).name or str(k) for k in np.flatnonzero(self.model.body_gravcomp)]
+            raise InputError(
+                f"{self.file}: the load '{self.names.load}' does not fall where its winch is free"
+                + (f": gravcomp lifts {', '.join(lifted)}" if lifted else ""),
+                allowed="a load whose weight the rope carries",
+                remedy="remove gravcomp" if lifted else "give the load a mass, and leave gravity switched on",
+            )
+        try:
+            RigParameters.from_table(self.built_in, str(self.file))
+        except InputError as error:
+            raise InputError(
+                error.found, allowed=error.allowed, remedy="write the model in SI units: m, kg, s and N"
+            ) from None
+        along_x, along_y = self.driven_masses[:2]
+        if along_y > along_x * (1.0 + MAX_COUPLING):
+            raise InputError(
+                f"{self.file}: {along_y:.4g} kg move along y, and only {along_x:.4g} kg along x",
+                allowed="a lower rail along x, which carries the rail along y",
+                remedy="turn the model by 90 degrees about z in the file, so that its x and y change places",
+            )
+
+    def _check_response(self) -> None:
+        """Raise InputError for a drive whose force does not change at once by its gain times its control."""
+        data = mujoco.MjData(self.free)
+        self.pose(data)
+        self.place(data, self.rest)
+        self.hold(data)
+        mujoco.mj_forward(self.free, data)
+        held = data.actuator_force.copy()
+        for k, name in zip(self.drives, self.names.drives, strict=True):
+            gain = self.model.actuator_gainprm[k, 0]
+            address = self.model.actuator_actadr[k]
+            values, index = (data.ctrl, k) if address < 0 else (data.act, address)
+            value, shares = values[index], []
+            small = TRIED_CONTROL * max(1.0, abs(value))
+            for change in (small, -small):  # one of the two may be beyond a limit of the drive
+                values[index] = value + change
+                mujoco.mj_forward(self.free, data)
+                shares.append(float(data.actuator_force[k] - held[k]) / (gain * change))
+            values[index] = value
+            if not min(abs(share - 1.0) for share in shares) < MAX_COUPLING:
+                raise InputError(
+                    f"{self.file}: at rest, a small control of {name} changes its force by "
+                    f"{max(shares, key=abs):.3g} times its gain",
+                    allowed="drives that follow their controls, or filters of these, within their limits",
+                    remedy=f"let ctrlrange and forcerange of {name} include what holds the crane at rest",
+                )
+
+    def _other_poses(self) -> list[str]:
+        """Return the names of the keyframes in which the load is at some distance from its pivot."""
+        data, names = mujoco.MjData(self.model), []
+        for k in range(self.model.nkey):
+            data.qpos[:] = self.model.key_qpos[k]
+            if self.model.key(k).name and self.show(data)[0][ROPE] > 0.0:
+                names.append(self.model.key(k).name)
+        return names
 
     def _find_hook(self, k: int) -> str:
         """Return the site where the tendon of drive `k` ends; empty without one, or if the load is there."""
@@ -214,6 +281,7 @@ class OwnModel(SiteModel):
         for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             model.opt.disableflags |= int(flag)
         data = mujoco.MjData(model)
+        self.pose(data)
         gradient = self.place(data, self.rest)
         accelerations = []
         for force in (np.zeros(model.nv), *self._moments(data)):

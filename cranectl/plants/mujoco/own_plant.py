@@ -80,6 +80,7 @@ class OwnPlant(MujocoPlant):
 
     def _write_state(self, data: mujoco.MjData, state: Array) -> None:
         """Place the model so that its sites show `state` (10,), held by its drives."""
+        self.own.pose(data)
         self.own.place(data, state)
         self.own.hold(data)
 

@@ -3,10 +3,15 @@
 from math import asin, atan2, cos, sqrt
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
 from cranectl.plants.mujoco.engine import SITE, mj_com_pos, mj_com_vel, mj_kinematics, mj_object_velocity
-from cranectl.support import Array, jit
+from cranectl.support import Array, InputError, jit
+
+AXES = ("bridge", "trolley", "rope", "alpha", "beta")
+MAX_NEWTON_STEPS = 50
+PLACED = 1e-10  # [m, rad] from the state that the sites are to show; one more step then reaches rounding
 
 
 class SiteViews(NamedTuple):
@@ -95,3 +100,54 @@ def read_load_of_sites(rig, load):
     seen, sensors, sites = rig.load_sensors, rig.sensors, rig.sites
     load[2] = sensors[seen[2]] - sensors[seen[9]]
     load[6] = sites.winch_inertia * rope_acceleration(seen, sensors) - sites.winch_ratio * sensors[seen[6]]
+
+
+class SiteModel:
+    """A compiled model whose sites of pivot and load show the state of a crane."""
+
+    def __init__(self, model: mujoco.MjModel, sites: tuple[str, str], source: object) -> None:
+        """Take a model with these `sites`; errors name its `source`."""
+        self.model, self.source = model, source
+        self.sites = tuple(model.site(name).id for name in sites)
+
+    def show(self, data: mujoco.MjData) -> tuple[Array, Array]:
+        """Return the state (10,) that the sites show, and the gradient (5, nv) of its positions."""
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        columns = np.zeros((2, 3, self.model.nv))
+        for jacobian, site in zip(columns, self.sites, strict=True):
+            mujoco.mj_jacSite(self.model, data, jacobian, None, site)
+        pivot, load = (data.site_xpos[site] for site in self.sites)
+        state, gradient = np.zeros(10), np.zeros((5, self.model.nv))
+        if np.array_equal(pivot, load):
+            return state, gradient
+        for k in range(self.model.nv):
+            velocities = np.ascontiguousarray(columns[:, :, k])
+            state_of_sites(pivot, load, velocities[0], velocities[1], state)
+            gradient[:, k] = state[1::2]
+        velocities = columns @ data.qvel
+        state_of_sites(pivot, load, velocities[0], velocities[1], state)
+        return state, gradient
+
+    def place(self, data: mujoco.MjData, state: Array) -> Array:
+        """Set joints and rates in `data` so that the sites show `state` (10,), by Newton's method.
+
+        What the sites do not show stays as near to where it is as possible. Returns the gradient (5, nv)
+        there. Raises InputError if the model cannot be there.
+        """
+        is_near = False
+        for _ in range(MAX_NEWTON_STEPS):
+            shown, gradient = self.show(data)
+            inverse = np.linalg.pinv(gradient)
+            if is_near:
+                data.qvel[:] = inverse @ state[1::2]
+                return gradient
+            missing = state[0::2] - shown[0::2]
+            mujoco.mj_integratePos(self.model, data.qpos, inverse @ missing, 1.0)
+            is_near = bool(np.abs(missing).max() < PLACED)
+        positions = ", ".join(f"{axis} {value:.4g}" for axis, value in zip(AXES, state[0::2], strict=True))
+        raise InputError(
+            f"{self.source}: no joints bring its sites to {positions}",
+            allowed="states that its joints can reach",
+            remedy="begin the reference where the model can be",
+        )

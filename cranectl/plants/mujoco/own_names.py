@@ -1,0 +1,129 @@
+"""Find what the names of a rig stand for in a user's model, and guess those that are missing."""
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from cranectl.scenario import ModelNames
+from cranectl.support import InputError
+
+ALONG = 0.99  # cosine, of a rail and the axis that it runs along
+
+
+def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
+    """Make sites of bodies and geoms that stand for pivot and load.
+
+    A body stands for its frame as pivot, and for its centre of mass as load. Raises InputError, with all that
+    is missing, if a name is not in the model.
+    """
+    missing = []
+    for key, name in names:
+        if key == "keyframe":
+            _check_keyframe(file, spec, name)
+            continue
+        kind = "actuator" if key.endswith("drive") else "site"
+        if name in _names(spec.actuators if kind == "actuator" else spec.sites):
+            continue
+        if kind == "actuator" or not _add_site(spec, key, name):
+            missing.append((key, kind, name))
+    if missing:
+        guesses = dict(_guesses(spec.compile()))
+        settings = (f"rig.plant.names.{key}={guesses.get(key, 'NAME')}" for key, _, _ in missing)
+        raise InputError(
+            f"{file} has "
+            + ", and ".join(f"no {kind} named '{name}' for the {_words(key)}" for key, kind, name in missing),
+            allowed=_allowed(spec),
+            remedy=f"add {' '.join(f'--set {shlex.quote(setting)}' for setting in settings)}"
+            + ("" if all(key in guesses for key, _, _ in missing) else ", or add it to the file"),
+        )
+
+
+def _check_keyframe(file: Path, spec: mujoco.MjSpec, name: str) -> None:
+    known = _names(spec.keys)
+    if name and name not in known:
+        raise InputError(
+            f"{file} has no keyframe named '{name}'",
+            allowed=f"keyframes of the model: {', '.join(known) or 'none'}",
+            remedy=f"add --set rig.plant.names.keyframe={shlex.quote(known[0])}"
+            if known
+            else "leave out rig.plant.names.keyframe",
+        )
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")
+
+
+def _names(elements: list[object]) -> list[str]:
+    return [element.name for element in elements if element.name]  # type: ignore[attr-defined]
+
+
+def _allowed(spec: mujoco.MjSpec) -> str:
+    """Return the names of the model that may stand for a point or a drive, in words."""
+    kinds = {"sites": spec.sites, "bodies": spec.bodies[1:], "actuators": spec.actuators}
+    return "; ".join(f"{kind} of the model: {', '.join(_names(of)) or 'none'}" for kind, of in kinds.items())
+
+
+def _add_site(spec: mujoco.MjSpec, key: str, name: str) -> bool:
+    """Add a site for the body or geom `name`; return False if there is neither."""
+    if name in _names(spec.bodies):
+        at = spec.compile().body(name).ipos.tolist() if key == "load" else [0.0] * 3
+        spec.body(name).add_site(name=name, pos=at)
+    elif name in _names(spec.geoms):
+        spec.geom(name).parent.add_site(name=name, pos=spec.compile().geom(name).pos.tolist())
+    else:
+        return False
+    return True
+
+
+def _guesses(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    """Yield names for the keys of `ModelNames`, as far as the pose of the file shows them."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    yield from _guessed_drives(model, data)
+    carried, pivot, load = _carried(model, data), 0, 0
+    for body in range(1, model.nbody):
+        if body in carried and carried[body] == {"x", "y"}:
+            pivot = body  # children come later: the last body that x and y carry, and nothing else
+    hangs = [body for body in range(1, model.nbody) if body not in carried]
+    if not pivot or not hangs:
+        return
+    load = min(hangs, key=lambda body: float(data.xipos[body, 2]))
+    for key, body in (("pivot", pivot), ("load", load)):
+        sites = [k for k in range(model.nsite) if model.site_bodyid[k] == body and model.site(k).name]
+        # Pivot and load are below each other; of several sites, the lowest is where a rope leaves or ends.
+        across = np.linalg.norm(data.site_xpos[:, :2] - data.xipos[load, :2], axis=1)
+        sites.sort(key=lambda k: (round(float(across[k]), 6), float(data.site_xpos[k, 2])))
+        if name := model.site(sites[0]).name if sites else model.body(body).name:
+            yield key, name
+
+
+def _guessed_drives(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, str]]:
+    for k in range(model.nu):
+        of, name = int(model.actuator_trnid[k, 0]), model.actuator(k).name
+        is_joint = model.actuator_trntype[k] == int(mujoco.mjtTrn.mjTRN_JOINT)
+        axis = _axis(model, data, of) if is_joint else ""
+        if name:
+            yield {"x": "bridge_drive", "y": "trolley_drive"}.get(axis, "winch_drive"), name
+
+
+def _axis(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> str:
+    """Return "x" or "y" for a joint that slides along it, else an empty text."""
+    if model.jnt_type[joint] != int(mujoco.mjtJoint.mjJNT_SLIDE):
+        return ""
+    along = np.abs(data.xaxis[joint]) > ALONG
+    return "x" if along[0] else "y" if along[1] else ""
+
+
+def _carried(model: mujoco.MjModel, data: mujoco.MjData) -> dict[int, set[str]]:
+    """Return the axes along which bodies are carried, for those that no other joint moves."""
+    axes: dict[int, set[str]] = {0: set()}
+    for body in range(1, model.nbody):
+        first = model.body_jntadr[body]
+        own = {_axis(model, data, joint) for joint in range(first, first + model.body_jntnum[body])}
+        if model.body_parentid[body] in axes and "" not in own:
+            axes[body] = axes[model.body_parentid[body]] | own
+    return axes

@@ -1,0 +1,255 @@
+"""Models with what public models of cranes have: a run is that of bare MuJoCo under the same commands."""
+
+import json
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from cranectl import open_run
+from cranectl.cli.main import main
+from cranectl.compare.agreement import judge
+from cranectl.planning import load_scenario
+from cranectl.plants.mujoco.disturbed_step import step_in_stages
+from cranectl.plants.mujoco.own_model import open_model
+from cranectl.plants.mujoco.own_plant import OwnPlant
+from cranectl.plants.registry import PLANTS
+from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.scenario.rig import ModelNames, RigParameters
+from cranectl.simulate import Run, simulate_run
+from tests.conftest import STILL
+from tests.plants.own_models import MODELS, UNDISTURBED, changed, crane_with
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory", "no_model_afterwards")
+
+JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
+MOVED = ["duration=3", "control.physics_step=0.001", UNDISTURBED, "initial.load_offset=[0.02, -0.01, 0.0]"]
+# Drives in place of those of the shipped model, by what public models do with them.
+FILTERED = (
+    '<general name="{name}" joint="{joint}" dyntype="filterexact" dynprm="0.05" gainprm="{gain}" '
+    'biastype="affine" biasprm="{weight} 0 -{gain}"/>'
+)
+MOVING = (
+    '<general name="{name}" joint="{joint}" dyntype="integrator" gainprm="{stiff}" actrange="-9 9" '
+    'biastype="affine" biasprm="0 -{stiff} -{gain}"/>'
+)
+BACKWARDS = (
+    '<general name="{name}" joint="{joint}" gear="-2" gainprm="{gain}" biastype="affine" '
+    'biasprm="{lifted} 0 -{gain}"/>'
+)
+
+
+def with_drives(folder: Path, text: str) -> Path:
+    """Write the shipped model with other drives, and return its file."""
+    drives = []
+    for name, joint, gain, weight in zip(
+        ("bridge", "trolley", "winch"), JOINTS, (425.0, 125.0, 70.0), (0.0, 0.0, -9.81), strict=False
+    ):
+        numbers = {"gain": gain, "stiff": 10.0 * gain, "weight": weight, "lifted": -0.5 * weight}
+        drives.append(text.format(name=f"{name}_drive", joint=joint, **numbers))
+    file = crane_with(folder)
+    before, _, rest = file.read_text().partition("<actuator>")
+    _, end, after = rest.partition("</actuator>")
+    file.write_text(f"{before}<actuator>{''.join(drives)}{end}{after}")
+    return file
+
+
+def run_of(file: Path) -> Run:
+    """Return a run of three seconds of a model, on the rig that `info` prints for it."""
+    name, own = PLANTS.find(str(file)).name, open_model(file, ModelNames())
+    numbers = [f"rig.{key}={value!r}" for key, value in own.built_in.items()]
+    scenario = load_scenario("fixed-position", overrides=[*MOVED, *numbers])
+    return simulate_run(scenario, plant=name, drive="velocity", controller="lqr")
+
+
+def beside_bare_mujoco(
+    file: Path, begin: Callable[[mujoco.MjModel, mujoco.MjData], None], scale: float
+) -> float:
+    """Return the largest difference [m, rad] of an open run from bare MuJoCo under the same commands."""
+    own = open_model(file, ModelNames())
+    overrides = [*MOVED, *(f"rig.{key}={value!r}" for key, value in own.built_in.items())]
+    scenario = load_scenario("fixed-position", overrides=overrides)
+    crane = open_run(scenario, plant=str(file), drive="velocity")
+    spec = mujoco.MjSpec.from_file(str(file))
+    spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
+    model = spec.compile()
+    data, difference = mujoco.MjData(model), 0.0
+    data.qpos[[model.joint(name).qposadr[0] for name in JOINTS]] = crane.state[0::2]
+    begin(model, data)
+    for k in range(1000):
+        command = np.array([0.3, -0.2, 0.1]) * np.sin(0.01 * k)
+        crane.step(command)
+        data.ctrl[:] = scale * command
+        mujoco.mj_step(model, data, round(scenario.control.period / 1e-3))
+        shown = [data.joint(name).qpos[0] for name in JOINTS]
+        difference = max(difference, float(np.abs(np.array(shown) - crane.state[0::2]).max()))
+    assert np.abs(data.qpos[:3] - [1.0, 0.77, 0.7]).min() > 0.01, "it hardly moved"
+    return difference
+
+
+def at_rest(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Begin with filters and controls at zero: velocity drives that hold the weight by their bias."""
+
+
+def at_set_points(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Begin with set-points at the positions, and beyond by what the winch needs to hold 9.81 N."""
+    mujoco.mj_fwdPosition(model, data)
+    data.act[:] = data.actuator_length - np.array([0.0, 0.0, 9.81 / 700.0])
+
+
+CASES = {
+    "a filter of 50 ms": (FILTERED, at_rest, 1.0, "filter of 0.05 s before bridge_drive", 0.07),
+    "an integrated velocity": (MOVING, at_set_points, 1.0, "position servos", 0.1),
+    "backwards, with a gear": (BACKWARDS, at_rest, -2.0, "", 0.005),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_run_is_that_of_bare_mujoco(case: str, tmp_path: Path) -> None:
+    """Also its lag is told: of a filter and a servo behind it, the sum."""
+    drives, begin, scale, difference, lag = CASES[case]
+    file = with_drives(tmp_path, drives)
+    assert beside_bare_mujoco(file, begin, scale) < 1e-9
+    run = run_of(file)
+    assert run.scenario.rig.bridge_time_constant == pytest.approx(lag, rel=1e-9)
+    differs = PLANTS[run.plant].differs
+    assert difference in differs
+    assert bool(difference) is bool(differs)
+
+
+def test_a_drive_that_runs_backwards_is_the_shipped_crane(tmp_path: Path) -> None:
+    """With half the lag by its gear; nothing else of the crane knows of the sign."""
+    own = run_of(with_drives(tmp_path, BACKWARDS))
+    ours = simulate_run(own.scenario, plant="mujoco", drive="velocity", controller="lqr")
+    assert np.abs(own.table[:, :10] - ours.table[:, :10]).max() < 1e-9
+    assert judge(own, ours).passed
+
+
+@pytest.mark.parametrize("drives", [FILTERED, MOVING])
+def test_stages_advance_activations_as_the_engine_does(drives: str, tmp_path: Path) -> None:
+    """Wind and disturbances are stepped in stages of our own."""
+    file, courses = with_drives(tmp_path, drives), []
+    rig = RigParameters(**open_model(file, ModelNames()).built_in)
+    for in_stages in (False, True):
+        plant = OwnPlant(
+            rig, file=str(file), name="mine", names=ModelNames(), drive="velocity", step=1e-3,
+            effects=NO_EFFECTS, substeps=1,
+        )  # fmt: skip
+        plant.reset(plant.rest)
+        for k in range(100):
+            plant.set_command(np.array([0.5, -0.4, 0.3]) * np.sin(0.1 * k))
+            if in_stages:
+                step_in_stages(plant.rig, np.zeros(2), STILL)
+            else:
+                mujoco.mj_step(plant.model, plant.data)
+        courses.append(np.concatenate([plant.data.qpos, plant.data.qvel, plant.data.act]))
+    assert np.abs(courses[0] - courses[1]).max() < 1e-13
+    assert np.abs(courses[0][-3:]).min() > 1e-3
+
+
+def test_one_body_may_slide_along_x_and_y(tmp_path: Path) -> None:
+    """It is our crane with a bridge of no mass of its own."""
+    slides = '<joint name="y" type="slide" axis="0 1 0"/>'
+    file = changed(
+        MODELS / "tendon.xml",
+        tmp_path,
+        (slides, ""),
+        (
+            '<joint name="x" type="slide" axis="1 0 0"/>',
+            f'<joint name="x" type="slide" axis="1 0 0"/>{slides}',
+        ),
+        ('mass="6"', 'mass="1e-3"'),
+    )
+    own = run_of(file)
+    assert own.scenario.rig.bridge_mass == pytest.approx(1e-6)
+    ours = simulate_run(own.scenario, plant="mujoco", drive="velocity", controller="lqr")
+    assert np.abs(own.table[:, :10] - ours.table[:, :10]).max() < 2e-7
+    assert judge(own, ours).passed
+
+
+NAMELESS = [('site name="pivot"', 'site name="top"'), ('site="pivot"', 'site="top"')]
+UNNAMED = [
+    *NAMELESS,
+    ('body name="load"', 'body name="weight"'),
+    ('<site name="load"/>', '<site name="end"/>'),
+    ('site="load"', 'site="end"'),
+]
+
+
+@pytest.mark.parametrize("drives", [("a", "b", "c"), ("move x", "move_y", "it's a hoist")])
+def test_names_that_are_missing_are_guessed_all_at_once(
+    drives: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    named = [
+        (f'"{part}_drive"', f'"{name}"')
+        for part, name in zip(("bridge", "trolley", "winch"), drives, strict=True)
+    ]
+    changed(MODELS / "tendon.xml", tmp_path, *UNNAMED, *named)
+    assert main(["info", "mine.xml"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("no site named") == 2
+    assert error.count("no actuator named") == 3
+    given = shlex.split(error.splitlines()[-1].partition("add ")[2])
+    assert main(["info", "mine.xml", *given]) == 0
+    shown = capsys.readouterr().out
+    assert all(json.dumps(name) in shown for name in (*drives, "top", "end")), "in the table of the rig"
+
+
+@pytest.mark.parametrize(("pivot", "load"), [("trolley", "load"), ("beam", "ball")])
+def test_bodies_and_shapes_stand_for_sites(pivot: str, load: str, tmp_path: Path) -> None:
+    """A body stands for its frame as pivot, and for its centre of mass as load."""
+    file = changed(
+        MODELS / "tendon.xml",
+        tmp_path,
+        ('<site name="pivot"/>', '<site name="top"/><geom name="beam" size="0.1" mass="0"/>'),
+        ('site="pivot"', 'site="top"'),
+        ('<site name="load"/>', '<site name="end"/><geom name="ball" size="0.05" mass="0"/>'),
+        ('site="load"', 'site="end"'),
+    )
+    own = open_model(file, ModelNames(pivot=pivot, load=load))
+    assert own.rest[4] == pytest.approx(0.7)
+    assert own.load_mass == pytest.approx(1.0)
+
+
+def test_a_keyframe_has_the_pose_that_the_file_has_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A hoist at 0 in the file is a rope without length."""
+    keys = '<keyframe><key name="hangs" qpos="0.1 0.2 0.1 0.2 -0.5 1 0 0 0"/></keyframe></mujoco>'
+    changed(
+        MODELS / "tendon.xml",
+        tmp_path,
+        ("</mujoco>", keys),
+        ('name="load" pos="0 0 -0.7"', 'name="load"'),
+        (
+            '<joint name="x" type="slide" axis="1 0 0"/>',
+            '<joint name="x" type="slide" axis="-1 0 0" range="-3 1"/>',
+        ),
+        ('joint="x" kv="425"', 'joint="x" kv="425" gear="-1"'),
+    )
+    assert main(["info", "mine.xml"]) == 2
+    error = capsys.readouterr().err
+    assert "in the pose of the file, a rope of 0 m" in error
+    assert "add --set rig.plant.names.keyframe=hangs" in error
+    assert main(["info", "mine.xml", "--set", "rig.plant.names.keyframe=hangs"]) == 0
+    shown = capsys.readouterr().out
+    assert 'keyframe = "hangs"' in shown
+    assert "bridge_range = [-1.0, 3.0]" in shown, "the joint runs along -x"
+
+
+def test_other_names_are_refused_with_what_there_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    keys = '<keyframe><key name="hangs" qpos="0.1 0.2 0.1 0.2 -0.5 1 0 0 0"/></keyframe></mujoco>'
+    changed(MODELS / "tendon.xml", tmp_path, ("</mujoco>", keys), name="keyed")
+    changed(MODELS / "tendon.xml", tmp_path, ('name="winch_drive"', ""))
+    for line, remedy in (
+        ("keyed.xml --set rig.plant.names.keyframe=up", "add --set rig.plant.names.keyframe=hangs"),
+        ("mine.xml --set rig.plant.names.keyframe=up", "leave out rig.plant.names.keyframe"),
+        ("mine.xml", "add --set rig.plant.names.winch_drive=NAME, or add it to the file"),
+    ):
+        assert main(["info", *line.split()]) == 2
+        assert capsys.readouterr().err.splitlines()[-1].endswith(remedy)
