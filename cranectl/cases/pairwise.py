@@ -9,7 +9,7 @@ import numpy as np
 
 from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
-from cranectl.compare import compare_runs
+from cranectl.compare import Agreement, compare_runs
 from cranectl.plants import PLANTS, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
@@ -74,7 +74,10 @@ class Pairwise:
                 key = (agreement.drive, agreement.plant, agreement.reference)
                 by_pair.setdefault(key, []).append((pair, case))
         worst = {key: max(pairs, key=lambda entry: _distance_of(entry[0])) for key, pairs in by_pair.items()}
-        rows = tuple(_summarise_pair(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
+        rows = tuple(
+            _summarise_pair(key, [pair for pair, _ in pairs], worst[key][0].agreement)
+            for key, pairs in by_pair.items()
+        )
         cases: dict[tuple[str, str], tuple[float, Case]] = {}
         for (drive, *plants), (pair, case) in worst.items():
             for plant in plants:
@@ -107,8 +110,9 @@ def _distance_of(pair: PairDifference) -> float:
     return float(np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf))
 
 
-def _summarise_pair(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
-    farthest = max(pairs, key=_distance_of).agreement
+def _summarise_pair(
+    key: tuple[str, str, str], pairs: Sequence[PairDifference], farthest: Agreement
+) -> WorstPair:
     return WorstPair(
         *key,
         cases=len(pairs),
