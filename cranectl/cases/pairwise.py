@@ -1,9 +1,8 @@
 """Compare every plant with every other over all cases, and each with itself at finer steps."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from math import isfinite, log2, nan
-from typing import Any
+from dataclasses import dataclass
+from math import log2, nan
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from cranectl.plants import PLANTS, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import simulate_run
-from cranectl.support import Array, InconsistentError
+from cranectl.support import Array, InconsistentError, JSONRecord
 
 SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
 SWING_ANGLES = (0.3, -0.2)  # at its start [rad]
@@ -58,7 +57,7 @@ class PlantAlone:
 
 
 @dataclass(frozen=True)
-class Pairwise:
+class Pairwise(JSONRecord):
     """Result of `validate --pairwise`."""
 
     pairs: tuple[WorstPair, ...]  # one for each drive and pair of plants
@@ -97,13 +96,6 @@ class Pairwise:
                     PlantAlone(plant, drive, case.scenario.name, case.controller, *steps, drift[plant])
                 )
         return cls(rows, tuple(alone))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the result as plain data, with null for NaN."""
-        plants = [asdict(plant) for plant in self.plants]
-        for plant in plants:
-            plant |= {name: None for name in ("order", "energy_drift") if not isfinite(plant[name])}
-        return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
 
 
 def _distance_of(pair: PairDifference) -> float:
