@@ -83,7 +83,7 @@ def test_limits_begin_with_max_or_min() -> None:
 def test_constants_of_all_forms_are_found() -> None:
     constants = numbers()
     assert constants["BLOCK_TIMEOUT"] == {"simulate/child.py": 120.0}
-    assert constants["MAX_DEADLINE"] == {"loaders/process_controller.py": 5.0}
+    assert constants["MAX_DEADLINE"] == {"tools/export/loaders/process_controller.py": 5.0}
     assert len(constants) > 300
 
 
@@ -98,6 +98,7 @@ DIALECT = {
     "render": "sign push",
     "thesis": "ours place",
     "loaders": "told given held",
+    "tools/export/loaders": "told given held",
     "campaign": "piece price",
     "live": "told given",
 }

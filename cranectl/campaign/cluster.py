@@ -28,7 +28,7 @@ from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.loaders.opening import ControllerFile, open_again
-from cranectl.support import InputError, Interruption, Provenance, SafePath, Table
+from cranectl.support import InputError, Interruption, MachineError, Provenance, SafePath, Table
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -39,7 +39,6 @@ POLL_S = 0.02  # [s] between two checks whether a batch has ended
 # For a cluster that this process starts. Port 0 is any free port: two campaigns at once need different ones.
 NO_DASHBOARD: dict[str, Any] = {"dashboard_address": "127.0.0.1:0", "scheduler_kwargs": {"dashboard": False}}
 _PREPARING = threading.Lock()  # two campaigns may open different versions of one controller
-TRIES = 3  # runs of one batch, if it fails for an outside reason such as lack of memory
 RESUME = "go on with the same command and --resume: finished batches are kept"
 
 
@@ -92,7 +91,9 @@ def run_batches_on(
     # The key of a batch depends on campaign and software only, so Dask runs it once for several callers.
     digest = hashlib.sha256(json.dumps(manifest).encode()).hexdigest()[:16]
     keys = [f"cranectl-{digest}-{'-'.join(map(str, batch))}" for batch in batches]
-    futures = client.map(run_remotely, batches, manifest=packed_manifest, key=keys, retries=TRIES - 1)
+    futures = client.map(
+        run_remotely, batches, manifest=packed_manifest, key=keys, retries=MachineError.TRIES - 1
+    )
     by_key = dict(zip(keys, batches, strict=True))
     completed = as_completed(futures, loop=client.loop)
     while not completed.is_empty():

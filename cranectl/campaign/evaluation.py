@@ -35,7 +35,7 @@ from cranectl.campaign.summary import (
 )
 from cranectl.metrics import Metric
 from cranectl.plants import PLANTS
-from cranectl.support import Array, Tree
+from cranectl.support import Array, JSONRecord, Tree
 
 LISTED_RUNS = 3  # runs listed for each plant and controller
 ONE_AT_A_TIME = "one-at-a-time"  # its samples do not spread over the distribution: no correlations
@@ -82,7 +82,7 @@ class GroupAgreement:
 
 
 @dataclass(frozen=True)
-class Pair:
+class Pair(JSONRecord):
     """Comparison of two groups on the same samples."""
 
     first: Group
@@ -90,16 +90,6 @@ class Pair:
     failures: Failures
     differences: tuple[Difference, ...]  # one for each of MAIN_METRICS
     agreement: GroupAgreement  # in the metric MEASURE
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the comparison as plain data."""
-        return {
-            "first": {"plant": self.first.plant, "controller": self.first.controller},
-            "second": {"plant": self.second.plant, "controller": self.second.controller},
-            "failures": asdict(self.failures),
-            "differences": [asdict(difference) for difference in self.differences],
-            "agreement": asdict(self.agreement),
-        }
 
 
 def pair_of(first: Group, second: Group) -> Pair:
@@ -160,7 +150,7 @@ class GroupAnalysis:
 
     def to_json(self) -> dict[str, Any]:
         """Return all results but the summary, with arrays as NumPy arrays."""
-        data: dict[str, Any] = {"plant": self.group.plant, "controller": self.group.controller}
+        data = self.group.to_json()
         if self.correlations is not None:
             extra = {"significant": self.correlations.significant, "bent": self.correlations.bent}
             data["correlations"] = asdict(self.correlations) | extra

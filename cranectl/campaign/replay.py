@@ -1,7 +1,7 @@
 """Repeat runs of a campaign with a full log each, and check that they give the same numbers."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,14 @@ from cranectl.metrics import run_metrics
 from cranectl.plants import PLANTS
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import InputError
+from cranectl.support import InputError, JSONRecord
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(JSONRecord):
     """One repeated run."""
+
+    JSON_PROPERTIES = ("same",)
 
     sample: int
     plant: str
@@ -44,10 +46,6 @@ class Replay:
         """The run and its outcome in one line."""
         error = "" if self.max_error_m is None else f", error at most {self.max_error_m:.4f} m"
         return f"run {self.sample} with {self.controller} on {self.plant}: {self.status}{error}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the replay as plain data."""
-        return {**asdict(self), "log": str(self.log), "same": self.same}
 
 
 def chosen_rows(

@@ -205,6 +205,10 @@ class Group:
         """Controller and plant, for reports."""
         return f"{self.controller} on {self.plant}"
 
+    def to_json(self) -> dict[str, Any]:
+        """Return what names the group, without its arrays."""
+        return {"plant": self.plant, "controller": self.controller}
+
 
 def groups_of(results: Results) -> tuple[Group, ...]:
     """Return a group for each plant and controller, in the order of the campaign."""

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import ParamSpec
 
 from cranectl.cases.case import Case
-from cranectl.compare import Agreement, AgreementLimits, Differences, Tolerances, compare_runs, judge
+from cranectl.cases.regression import Regression
+from cranectl.compare import Agreement, AgreementLimits, Tolerances, compare_runs, judge
 from cranectl.log import LogDescription, read_log, write_log
 from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.scenario import NANOSECONDS
@@ -82,14 +83,14 @@ class CaseRuns(dict[str, Run]):
         LogError
             For a log that cannot be read.
         """
-        golden, limits = read_log(golden_log), Tolerances.load(tolerances)
-        faults = [f"only golden or only new: {plant}" for plant in sorted(golden.keys() ^ self.keys())]
-        differing: list[str] = []
-        for plant in [plant for plant in self if plant in golden]:
-            new, old = self[plant], golden[plant]
-            verdict = limits.judge(new, old)
+        golden = read_log(golden_log)
+        regression = Regression.of(self, golden, Tolerances.load(tolerances))
+        unpaired = sorted(regression.missing + regression.added)
+        faults = [f"only golden or only new: {plant}" for plant in unpaired]
+        for verdict in regression.verdicts:
+            plant = verdict.plant
             if not (verdict.same_status and verdict.ends_passed):
-                ends = [f"{run.status.label} at {run.end_s:g} s" for run in (new, old)]
+                ends = [f"{run.status.label} at {run.end_s:g} s" for run in (self[plant], golden[plant])]
                 faults.append(f"{plant} ends with {ends[0]}, golden with {ends[1]}")
             failed = [signal for signal in verdict.worst_first if not signal.passed]
             faults += [
@@ -98,9 +99,9 @@ class CaseRuns(dict[str, Run]):
             ]
             if len(failed) > MAX_SHOWN_SIGNALS:
                 faults.append(f"and in {len(failed) - MAX_SHOWN_SIGNALS} more signals")
-            settings = Differences.of(old, new).first
-            differing = [f"golden and new differ in {setting}" for setting in settings]
         if faults:
+            settings = regression.differing_fields.first
+            differing = [f"golden and new differ in {setting}" for setting in settings]
             made_by = LogDescription.of(golden_log).versions
             versions = Provenance.differences(made_by, Provenance.now(), word="new")
             software = [f"golden was made by other software: {version}" for version in versions]

@@ -16,13 +16,13 @@ from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate import Loop, Plan, PreparedController, Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import FileKind, InputError, MachineError
+from cranectl.support import FileKind, InputError, JSONRecord, MachineError
 
 Keep = Literal["all", "failed", "none"]
 
 
 @dataclass(frozen=True)
-class RunSummary:
+class RunSummary(JSONRecord):
     """Summary of a run after its log is written."""
 
     scenario: str  # its name
@@ -68,13 +68,7 @@ class RunSummary:
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary as plain data."""
-        return {
-            **vars(self),
-            "status": self.status.label,
-            "log": None if self.log is None else str(self.log),
-            "metrics": self.metrics.to_json() if self.metrics is not None else None,
-            "limits": [verdict.to_json() for verdict in self.limits],
-        }
+        return {**super().to_json(), "status": self.status.label}
 
 
 @dataclass(frozen=True)

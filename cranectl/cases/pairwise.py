@@ -1,20 +1,19 @@
 """Compare every plant with every other over all cases, and each with itself at finer steps."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from math import isfinite, log2, nan
-from typing import Any
+from dataclasses import dataclass
+from math import log2, nan
 
 import numpy as np
 
 from cranectl.cases.case import Case, PairDifference
 from cranectl.cases.validation import Validation
-from cranectl.compare import compare_runs
+from cranectl.compare import Agreement, compare_runs
 from cranectl.plants import PLANTS, PhysicsStep
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TROLLEY, VELOCITY, Z
 from cranectl.simulate import simulate_run
-from cranectl.support import Array, InconsistentError
+from cranectl.support import Array, InconsistentError, JSONRecord
 
 SWING_DURATION = 20.0  # [s] of the free swing that shows the energy drift
 SWING_ANGLES = (0.3, -0.2)  # at its start [rad]
@@ -58,7 +57,7 @@ class PlantAlone:
 
 
 @dataclass(frozen=True)
-class Pairwise:
+class Pairwise(JSONRecord):
     """Result of `validate --pairwise`."""
 
     pairs: tuple[WorstPair, ...]  # one for each drive and pair of plants
@@ -74,7 +73,10 @@ class Pairwise:
                 key = (agreement.drive, agreement.plant, agreement.reference)
                 by_pair.setdefault(key, []).append((pair, case))
         worst = {key: max(pairs, key=lambda entry: _distance_of(entry[0])) for key, pairs in by_pair.items()}
-        rows = tuple(_summarise_pair(key, [pair for pair, _ in pairs]) for key, pairs in by_pair.items())
+        rows = tuple(
+            _summarise_pair(key, [pair for pair, _ in pairs], worst[key][0].agreement)
+            for key, pairs in by_pair.items()
+        )
         cases: dict[tuple[str, str], tuple[float, Case]] = {}
         for (drive, *plants), (pair, case) in worst.items():
             for plant in plants:
@@ -95,20 +97,14 @@ class Pairwise:
                 )
         return cls(rows, tuple(alone))
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the result as plain data, with null for NaN."""
-        plants = [asdict(plant) for plant in self.plants]
-        for plant in plants:
-            plant |= {name: None for name in ("order", "energy_drift") if not isfinite(plant[name])}
-        return {"pairs": [asdict(pair) for pair in self.pairs], "plants": plants}
-
 
 def _distance_of(pair: PairDifference) -> float:
     return float(np.nan_to_num(pair.agreement.max_load_error_m, nan=np.inf))
 
 
-def _summarise_pair(key: tuple[str, str, str], pairs: Sequence[PairDifference]) -> WorstPair:
-    farthest = max(pairs, key=_distance_of).agreement
+def _summarise_pair(
+    key: tuple[str, str, str], pairs: Sequence[PairDifference], farthest: Agreement
+) -> WorstPair:
     return WorstPair(
         *key,
         cases=len(pairs),

@@ -1,5 +1,6 @@
 """Judge a log by a golden log, and pair the runs of two logs."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +18,18 @@ class Regression(NamedTuple):
     added: tuple[str, ...]  # plants that only the new log has
     differing_fields: Differences  # settings that differ, from the runs on the first of these plants
     software_differences: list[str]  # versions that may explain different numbers, a line for each
+
+    @classmethod
+    def of(cls, new: Mapping[str, Run], golden: Mapping[str, Run], tolerances: Tolerances) -> "Regression":
+        """Judge new runs by golden ones, both by plant; no software is compared."""
+        shared = [plant for plant in new if plant in golden]
+        return cls(
+            verdicts=[tolerances.judge(new[plant], golden[plant]) for plant in shared],
+            missing=tuple(sorted(golden.keys() - new.keys())),
+            added=tuple(sorted(new.keys() - golden.keys())),
+            differing_fields=Differences.of(golden[shared[0]], new[shared[0]]) if shared else Differences(),
+            software_differences=[],
+        )
 
     @property
     def passed(self) -> bool:
@@ -64,15 +77,8 @@ class LogPair:
     def judge(self, tolerances: Tolerances) -> Regression:
         """Judge the first log by the second, a golden one; raise InputError if they share no plant."""
         self._check_shared()
-        new, golden = self.runs
-        plant = self.shared[0]
-        return Regression(
-            verdicts=[tolerances.judge(new[plant], golden[plant]) for plant in self.shared],
-            missing=tuple(sorted(golden.keys() - new.keys())),
-            added=tuple(sorted(new.keys() - golden.keys())),
-            differing_fields=Differences.of(golden[plant], new[plant]),
-            software_differences=_software_differences(*self.paths[::-1]),
-        )
+        regression = Regression.of(*self.runs, tolerances)
+        return regression._replace(software_differences=_software_differences(*self.paths[::-1]))
 
     def _check_shared(self) -> None:
         if not self.shared:

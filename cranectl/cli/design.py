@@ -183,7 +183,8 @@ class Export(NamedTuple):
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""
-        from cranectl.tools.export import controller_fmu, prepare_export
+        from cranectl.tools.export.controller_fmu import controller_fmu
+        from cranectl.tools.export.prepared import prepare_export
 
         exported = prepare_export(scenario, name, self.drive)
         content = controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
@@ -215,7 +216,7 @@ def _check_directory(directory: Path) -> None:
 def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
     from cranectl.loaders.c_controller import HEADER
-    from cranectl.tools.export import exported_files
+    from cranectl.tools.export.package import exported_files
 
     texts = exported_files(exported, command.command_given(), single=single)
     if not single:  # the library for cranectl computes with doubles

@@ -9,7 +9,7 @@ do not feel the load.
 import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cranectl.compare.runs import Comparison, compare_runs
@@ -17,7 +17,7 @@ from cranectl.plants import DRIVES, PLANTS, Drive, PhysicsStep
 from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.simulate import Run, RunMemory, simulate_run
 from cranectl.status import RunStatus
-from cranectl.support import TOML, Arguments, InconsistentError, Shipped
+from cranectl.support import TOML, Arguments, InconsistentError, JSONRecord, Shipped
 
 TOLERANCES = "validation/tolerances.toml"  # source of all limits
 ORDER = 4  # of the MuJoCo plant's integration, the lowest of all plants without friction
@@ -111,7 +111,7 @@ def _closed_loop() -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class Agreement(JSONRecord):
     """The differences of a plant from the reference plant, with a verdict if their limits are known.
 
     Parameters
@@ -166,9 +166,6 @@ class Agreement:
     def verdict(self) -> str:
         """The verdict in words."""
         return "not judged" if self.passed is None else "passed" if self.passed else "FAILED"
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
     @staticmethod
     def pairs(runs: Sequence[Run], plants: Iterable[str] = ()) -> list[tuple[Run, Run]]:

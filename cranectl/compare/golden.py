@@ -1,9 +1,9 @@
 """Judge a run against a golden run, with limits from a TOML file: a regression test."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import inf, isnan
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,7 @@ from pydantic import Field
 from cranectl.compare.runs import COMPARED_GROUPS, Differences, compare_runs, compared_signals, named_signals
 from cranectl.scenario import NANOSECONDS, Settings, nanoseconds
 from cranectl.simulate import Run
-from cranectl.support import TOML, InputError, Shipped
+from cranectl.support import TOML, InputError, JSONRecord, Shipped
 
 Bound = Annotated[float, Field(ge=0.0)]
 
@@ -40,8 +40,10 @@ class SignalVerdict:
 
 
 @dataclass(frozen=True)
-class RegressionVerdict:
+class RegressionVerdict(JSONRecord):
     """Verdict on a new run compared with the golden run of the same plant."""
+
+    JSON_PROPERTIES = ("passed",)
 
     plant: str  # the plant of both runs
     samples: int  # number of compared samples
@@ -68,9 +70,6 @@ class RegressionVerdict:
             return size / verdict.limit if verdict.limit else inf if size else 0.0, size
 
         return sorted(self.signals, key=times_limit, reverse=True)
-
-    def to_json(self) -> dict[str, Any]:
-        return {**asdict(self), "passed": self.passed}
 
 
 class Tolerances(Settings):

@@ -1,7 +1,7 @@
 """Compare two runs sample by sample, and pair them for one log; the runs are in memory."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from cranectl.plants import PLANTS
 from cranectl.scenario import without_file_names
 from cranectl.signals import Signal
 from cranectl.simulate import Run
-from cranectl.support import Arguments, Array, InputError, Tree
+from cranectl.support import Arguments, Array, InputError, JSONRecord, Tree
 
 COMPARED_GROUPS = ("state", "load", "input")
 Sampled = tuple[Run, NDArray[np.intp]]  # a run and the indices of some of its samples
@@ -31,7 +31,7 @@ class SignalDifference:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(JSONRecord):
     """Compare two runs over the samples that both have.
 
     Parameters
@@ -58,9 +58,6 @@ class Comparison:
     max_load_error_at_s: float
     max_angle_error_rad: float
     signals: tuple[SignalDifference, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        return asdict(self)
 
     @staticmethod
     def against_first(runs: Mapping[str, Run]) -> "dict[str, Comparison]":

@@ -259,15 +259,6 @@ class Design(ControllerDesign):
         """The design itself."""
         return self
 
-    @property
-    def closed_loop_matrix(self) -> Array:
-        """The state matrix (4 + n, 4 + n) of one axis's error in the closed loop."""
-        r = self.robustifier
-        matrices = r.a, r.b.reshape(-1, 1), r.c.reshape(1, -1), np.array([[r.d]])
-        a, b, c = loop_matrices(self.gain, *matrices)
-        closed: Array = a - b @ c
-        return closed
-
     def open_loop(self) -> "control.StateSpace":
         """Return the loop of one axis cut at v: four integrators, state feedback and robustifier."""
         from cranectl.design.linear_systems import open_loop

@@ -1,1 +1,1 @@
-"""Load controllers from outside the package: Python files, C libraries, FMUs and other processes."""
+"""Open controllers from outside the package, and load those in Python files and C libraries."""

@@ -20,13 +20,15 @@ from cranectl.support import Arguments, File, InputError, Provenance
 
 MAX_COMPANIONS = 64 * 2**20  # [bytes] of all files that a controller uses
 OPEN, UDP = ALL_CONTROLLERS.opened, ALL_CONTROLLERS.UDP
-LOADERS = {  # by file ending; each returns a controller, and its file with all files that it uses
+# By file ending; each returns a controller, and its file with all files that it uses. Loaders of tools are
+# named in text only, since a room of the core imports no tool.
+LOADERS = {
     ".py": "cranectl.loaders.python_controller:open_python",
     ".so": "cranectl.loaders.c_controller:open_library",
     ".dylib": "cranectl.loaders.c_controller:open_library",
     ".dll": "cranectl.loaders.c_controller:open_library",
-    ".fmu": "cranectl.loaders.fmu:open_fmu",
-    ".toml": "cranectl.loaders.process_controller:open_process",
+    ".fmu": "cranectl.tools.export.loaders.fmu:open_fmu",
+    ".toml": "cranectl.tools.export.loaders.process_controller:open_process",
 }
 
 

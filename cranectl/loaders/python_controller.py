@@ -12,7 +12,6 @@ import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import replace
-from numbers import Integral
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -157,11 +156,7 @@ def _memory(owner: Any, start: Any) -> Array:
     """Return the memory at the start of a run; raise InputError if `start` does not describe one."""
     if isinstance(start, Slots):
         return start.array()
-    if (
-        isinstance(start, Integral)
-        and not isinstance(start, bool)
-        and 0 <= int(start) <= Controller.MAX_MEMORY
-    ):
+    if InputError.is_whole(start) and 0 <= int(start) <= Controller.MAX_MEMORY:
         return np.zeros(int(start))
     try:
         memory = real_numbers(start)

@@ -1,8 +1,7 @@
 """Describe a log file: its size, format and topics."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from cranectl.log.header import OVERLAY
 from cranectl.log.reader import headers_of
 from cranectl.mcap_columns import McapFile
 from cranectl.scenario import NANOSECONDS
-from cranectl.support import InconsistentError
+from cranectl.support import InconsistentError, JSONRecord
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class TopicDescription:
 
 
 @dataclass(frozen=True)
-class LogDescription:
+class LogDescription(JSONRecord):
     """Describe size, format and topics of a log file.
 
     Parameters
@@ -96,7 +95,3 @@ class LogDescription:
             topics=tuple(topics),
             attachments={name: len(attachment.data) for name, attachment in file.attachments.items()},
         )
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the description as plain data."""
-        return asdict(self)

@@ -2,10 +2,9 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from cranectl.log.writer import write_container
 from cranectl.mcap_columns import McapFile
 from cranectl.simulate import Run
 from cranectl.status import RunStatus
-from cranectl.support import FileKind, LogError, Provenance
+from cranectl.support import FileKind, JSONRecord, LogError, Provenance
 
 PART = re.compile(r"(.+)\.\d+(-\d+)?\.part")  # name of an unfinished file by `File.replacing`
 
@@ -35,7 +34,7 @@ class RecoveredRun:
 
 
 @dataclass(frozen=True)
-class Recovery:
+class Recovery(JSONRecord):
     """The recovered part of a file."""
 
     source: str
@@ -45,10 +44,6 @@ class Recovery:
     lost: int  # [bytes] at its end that could not be read
     left_out: tuple[str, ...]  # topics of other tools or versions
     runs: tuple[RecoveredRun, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the recovery as plain data."""
-        return asdict(self)
 
 
 def recover_log(source: str | Path, out: str | Path | None = None) -> Recovery:

@@ -19,7 +19,7 @@ from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
 from cranectl.support import Arguments, Extensions, InputError, Palette, Provenance
 
 MAX_PLANT_LABEL = 40  # [characters]
-PLANT_COLOURS = tuple(name for name in Palette.LIGHT if name in Palette.VIEWER and name.startswith("series-"))
+PLANT_COLOURS = tuple(role for role in Palette.LIGHT.series_roles if role in Palette.VIEWER)
 BUILT_IN = (
     "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
     "trolley_time_constant", "winch_time_constant",

@@ -3,7 +3,6 @@ from .files import SI_FACTORS as SI_FACTORS
 from .geometry import Geometry as Geometry
 from .point_splines import spline_segments as spline_segments
 from .series import Series as Series
-from .time_laws import REST_DERIVATIVES as REST_DERIVATIVES
 from .time_laws import TimeLaw as TimeLaw
 from .time_laws import derivatives as derivatives
 from .time_laws import spline as spline

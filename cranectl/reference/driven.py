@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from cranectl.reference.time_laws import SAMPLE_TOLERANCE
 from cranectl.support import Array, jit
 
 STATES = 5  # of an axis: z, lag_1 … lag_4
 COMMAND_SIZE = 4  # numbers of a command: 1 for a point or 0 for a velocity, then its x, y, z
-SAMPLE_TOLERANCE = 1e-9  # [s]; a time this close to a sample counts as the sample
 
 
 class HandLimits(NamedTuple):

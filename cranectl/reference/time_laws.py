@@ -14,6 +14,7 @@ from scipy.interpolate import BPoly, BSpline
 from cranectl.scenario import Along, Spline
 from cranectl.support import Array
 
+SAMPLE_TOLERANCE = 1e-9  # [s]; times are sums of decimal durations, and one this close to a sample is at it
 REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}  # number of derivatives that vanish at both ends
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from cranectl.reference.time_laws import TimeLaw, derivatives, spline
+from cranectl.reference.time_laws import SAMPLE_TOLERANCE, TimeLaw, derivatives, spline
 from cranectl.scenario import (
     AddedSegment,
     Arc,
@@ -23,7 +23,6 @@ from cranectl.scenario import (
 from cranectl.support import Array, InputError
 
 JUMP_TOLERANCE = 1e-9  # of the largest value of a derivative, or of 1; smaller jumps are rounding
-SAMPLE_TOLERANCE = 1e-9  # [s]; joints are sums of decimal durations, and a sample this close counts as at it
 BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
 RESTS = 0.01  # share of a spline's largest speed, below which it counts as at rest
 _ORDINALS = ("position", "first derivative", "second derivative", "third derivative", "fourth derivative")

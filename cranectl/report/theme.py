@@ -26,7 +26,7 @@ from cranectl.support import File, InputError, Palette
 
 WIDTH = 6.4  # [in] of most figures
 LETTER = 5.2  # [pt], mean width of the letters of labels
-SERIES = tuple(role for role in Palette.LIGHT if role.startswith("series"))
+SERIES = Palette.LIGHT.series_roles
 STAND_IN = {role: f"#0f1e{k:02x}" for k, role in enumerate(Palette.LIGHT)}
 UNDATED: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 

@@ -28,6 +28,7 @@ from .interrupts import in_background as in_background
 from .interrupts import reported_when_slow as reported_when_slow
 from .jit import Specialised as Specialised
 from .jit import jit as jit
+from .json_record import JSONRecord as JSONRecord
 from .junit import JUnitCase as JUnitCase
 from .kept import kept as kept
 from .packed import Block as Block

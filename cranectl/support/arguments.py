@@ -8,7 +8,7 @@ import os
 import types
 import typing
 from collections.abc import Callable
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -30,7 +30,8 @@ MAX_NUMBER = 10**308  # about the largest whole number that floating point can h
 def _is_of(value: Any, kind: Any) -> bool:
     """Return True if `value` is of a class; whatever is no class fits all values."""
     if kind in (int, float):
-        if not isinstance(value, Integral if kind is int else Real) or isinstance(value, bool):
+        is_real = isinstance(value, Real) and not isinstance(value, bool)
+        if not (InputError.is_whole(value) if kind is int else is_real):
             return False
         number: Any = value
         return bool(-MAX_NUMBER <= number <= MAX_NUMBER or number in (np.inf, -np.inf))  # not NaN

@@ -29,9 +29,14 @@ class Palette(dict[str, str]):
     VIEWER: ClassVar["Palette"]  # seen on both
 
     @property
+    def series_roles(self) -> tuple[str, ...]:
+        """The roles of series, in their order."""
+        return tuple(role for role in self if role.startswith("series-"))
+
+    @property
     def series(self) -> tuple[str, ...]:
         """The colours of series, in their order."""
-        return tuple(colour for role, colour in self.items() if role.startswith("series-"))
+        return tuple(self[role] for role in self.series_roles)
 
     def rgb(self, colour: str) -> tuple[float, float, float]:
         """Return the colour of a role, or `#rrggbb`, as three numbers from 0 to 1."""

@@ -126,7 +126,7 @@ class CompiledStep(CFunc):
         is_ours = Path(step.__code__.co_filename).is_relative_to(PACKAGE)
         compiled: Any = CompiledStep(step) if is_ours else CompiledStep(step, error_model=OUTSIDE)
         if is_ours:
-            compiled._cache = KernelCache.of(step)
+            KernelCache.attach(compiled, step)
         compiled.compile()
         return int(compiled.address)
 

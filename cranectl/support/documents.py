@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 from cranectl.support.errors import InputError
-from cranectl.support.file_kinds import FileKind
+from cranectl.support.file_kinds import BYTE_ORDER_MARK, FileKind
 from cranectl.support.files import File
 
 Table = dict[str, Any]  # a table of TOML, whose values may be tables and lists
@@ -22,7 +22,6 @@ MAX_DEPTH = 32  # tables and lists within one another; ours have five
 # A dotted key of more parts than that, for which tomllib takes quadratic time.
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
-MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ def _limited(parse: Callable[[str], Content], content: str | bytes, source: str)
         )
     text = content if isinstance(content, str) else content.decode()
     try:
-        parsed = parse(text.removeprefix(MARK))
+        parsed = parse(text.removeprefix(BYTE_ORDER_MARK))
         _check_depth(parsed)
     except RecursionError:
         raise InputError(

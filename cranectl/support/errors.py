@@ -131,11 +131,15 @@ class InputError(CranectlError):
             text = ""
         return text if 0 < len(text) <= MAX_SHOWN_LENGTH else f"a {type(value).__name__}"
 
+    @staticmethod
+    def is_whole(value: Any) -> bool:
+        """Return True for a whole number of Python or NumPy, and False for a bool."""
+        return isinstance(value, Integral) and not isinstance(value, bool)
+
     @classmethod
     def check_whole(cls, what: str, value: Any, lowest: int, highest: int, meaning: str) -> None:
-        """Raise the error unless `value` is a whole number of Python or NumPy in the range, and no bool."""
-        is_whole = isinstance(value, Integral) and not isinstance(value, bool)
-        if not (is_whole and lowest <= int(value) <= highest):
+        """Raise the error unless `value` is a whole number in the range."""
+        if not (cls.is_whole(value) and lowest <= int(value) <= highest):
             raise cls(
                 f"{what} = {cls.shown(value)}",
                 allowed=f"a whole number from {lowest} to {highest}",

@@ -13,6 +13,7 @@ from typing import ClassVar
 from cranectl.support.errors import InputError, LogError
 from cranectl.support.files import File
 
+BYTE_ORDER_MARK = "\ufeff"  # what Windows editors write before a text in UTF-8
 _FORMATS = {
     b"PK\x03\x04": "a zip archive, such as an Excel workbook or an FMU",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook",
@@ -114,7 +115,7 @@ class FileKind:
 
         Error messages use it to say what was found instead of the required kind.
         """
-        content = content.removeprefix(b"\xef\xbb\xbf")
+        content = content.removeprefix(BYTE_ORDER_MARK.encode())
         for begins, name in _FORMATS.items():
             if content.startswith(begins):
                 return name

@@ -52,7 +52,7 @@ def _compiled(function: F, callees: Iterable[Any] = (), **options: Any) -> F:
     whole = {"nogil": True, "error_model": "numpy", "pipeline_class": PausingCompiler, **options}
     compiled: Any = numba.njit(**whole)(function)
     if not UNCOMPILED:
-        compiled._cache = KernelCache.of(function, *callees)
+        KernelCache.attach(compiled, function, *callees)
     return cast(F, compiled)
 
 
@@ -87,7 +87,7 @@ class Specialised(Generic[F]):
         Exceptions are handled as in a `CompiledStep`.
         """
         compiled: Any = CompiledStep(self._function, arguments, _nrt=False)
-        compiled._cache = KernelCache.of(self._function, *self._callees)
+        KernelCache.attach(compiled, self._function, *self._callees)
         compiled.compile()
         return int(compiled.address)
 

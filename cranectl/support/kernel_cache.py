@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Self, cast
+from typing import Any, BinaryIO, cast
 
 import llvmlite
 import numba
@@ -76,10 +76,10 @@ class KernelCache(FunctionCache):
         self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
 
     @classmethod
-    def of(cls, function: Callable[..., Any], *callees: Any) -> Self:
-        """Return the cache of `function`, which depends on all that it and `callees` are compiled from."""
+    def attach(cls, compiled: Any, function: Callable[..., Any], *callees: Any) -> None:
+        """Keep the code of `compiled` on disk, by all that `function` and `callees` are compiled from."""
         files = (Path(inspect.getfile(inspect.unwrap(part))) for part in (function, *callees))
-        return cls(function, sources_digest(*files))
+        compiled._cache = cls(function, sources_digest(*files))
 
     def load_overload(self, *arguments: Any) -> Any:
         loaded = None

@@ -2,8 +2,8 @@
 
 import sys
 
-from tests.loaders.test_process_controller import PROGRAM
 from tests.remedies import Case, remedy_test, written
+from tests.tools.export.loaders.test_process_controller import PROGRAM
 
 RUN = "run s.toml --plants analytic --controller"
 STEP = "\n    def step(parameters, measured, reference, memory, command):\n        return 0\n"
@@ -115,7 +115,7 @@ CASES = {
         Case("give one of them another name in its file, or take one at a time",
              f"{VALIDATE} law.py:law,law.py:Same", "law.py:Same"),
     ],
-    "loaders/process_controller.py": [
+    "tools/export/loaders/process_controller.py": [
         Case("give one of the two", "none.toml", "peer.toml"),
         Case("correct 'program'", "absent.toml", "peer.toml"),
         Case("correct 'files'", "data.toml", "own.toml"),

@@ -20,6 +20,7 @@ from cranectl.controllers.flat import (
     robustify,
 )
 from cranectl.design import Design, Robustifier, design_controller
+from cranectl.design.linear_systems import closed_loop_poles
 from cranectl.model.flatness import flat_output, linearising_input
 from cranectl.scenario.rig import RigParameters
 from cranectl.status import RunStatus
@@ -43,7 +44,7 @@ def robust_design() -> Design:
     a = np.array([[-1.0, 5.0, 0.0, 0.0], [-5.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, -4e4]])
     robustifier = Robustifier(a, np.array([1.0, -2.0, 0.5, 4e4]), np.array([0.3, 0.4, 2.0, -1.0]), 0.7)
     plain = design_controller("lqr")
-    poles = np.linalg.eigvals(replace(plain, robustifier=robustifier).closed_loop_matrix).astype(complex)
+    poles = closed_loop_poles(replace(plain, robustifier=robustifier).open_loop())
     return replace(plain, robustifier=robustifier, closed_loop_poles=poles)
 
 

@@ -13,7 +13,7 @@ from cranectl.cli.main import main
 from cranectl.controllers.open_controllers import OPEN
 from cranectl.loaders.opening import close_controllers
 from tests.conftest import ROOT
-from tests.loaders.fmu_files import fmu
+from tests.tools.export.loaders.fmu_files import fmu
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 ALL_PAGES = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]

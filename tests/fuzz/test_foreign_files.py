@@ -19,9 +19,9 @@ from tests.fuzz.conftest import CAMPAIGN, SCENARIO, TEXTS, NewDirectory
 from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
-from tests.loaders.fmu_files import fmu
 from tests.log.test_foreign import FORMS, OTHER_FILES, rewrite_log
 from tests.reference.test_foreign_tables import READ, REFUSED
+from tests.tools.export.loaders.fmu_files import fmu
 from tests.tools.measured.test_formats import TEXTS as MEASURED
 from tests.tools.measured.test_harmful_files import WITHOUT_REMEDY, WRITERS, read_all
 

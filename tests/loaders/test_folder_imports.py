@@ -18,7 +18,7 @@ from cranectl.loaders.opening import close_controllers, open_again, open_control
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError
 from tests.loaders.controller_files import campaign_file, scenario
-from tests.loaders.test_process_controller import PROGRAM
+from tests.tools.export.loaders.test_process_controller import PROGRAM
 
 STEP = """
 def NAME(parameters, measured, reference, memory, command):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cranectl.reference import REST_DERIVATIVES, TimeLaw, Trajectory
+from cranectl.reference import TimeLaw, Trajectory
+from cranectl.reference.time_laws import REST_DERIVATIVES
 from cranectl.scenario import ReferenceSettings
 from cranectl.support.errors import InputError
 

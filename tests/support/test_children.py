@@ -175,7 +175,7 @@ def test_one_module_starts_processes() -> None:
         for path in (ROOT / "cranectl").rglob("*.py")
         if re.search(rf"\b(?:{starts})", path.read_text())
     }
-    talks, serves = "loaders/process_controller.py", "cases/workers.py"
+    talks, serves = "tools/export/loaders/process_controller.py", "cases/workers.py"
     assert found == {"support/children.py", talks, serves}
 
 

@@ -13,6 +13,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import RigidBody
 from scipy.integrate import RK45
 
+from cranectl.plants.differences import fastest_rate
 from cranectl.plants.drake.model import AXES, HOOK, JOINTS, LOAD, build_crane, drive_forces
 from cranectl.plants.plant import Drive, check_hook, check_rate
 from cranectl.plants.surroundings import FORCE, air_drag
@@ -75,10 +76,7 @@ class DrakePlant:
         self.hold(np.zeros(3), np.zeros(2), np.zeros(6))
         hanging = np.zeros_like(self.state)
         hanging[self.positions[2]] = length
-        rest = self.rates(hanging)
-        # Each row is a column of the Jacobian; the transpose has the same eigenvalues.
-        system = [(self.rates(hanging + moved) - rest) / SMALL for moved in SMALL * np.eye(len(hanging))]
-        return float(np.abs(np.linalg.eigvals(np.array(system))).max())
+        return fastest_rate(self.rates, hanging, step=SMALL)
 
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[4])

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.plants.differences import FINE_DIFFERENCE, fastest_rate
 from cranectl.plants.elastic.crane import (
     BODY,
     JOINTS,
@@ -26,7 +27,6 @@ from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, TENSION, TROLLEY, VELOCITY
 from cranectl.support import Array, jit
 
-FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below a stiff rope's stretch
 STILL_AIR = np.zeros(6)
 
 
@@ -119,13 +119,7 @@ class ElasticPlant:
             first_rates: Array = work.rates[0, changing].copy()
             return first_rates
 
-        rest = rates(hanging)
-        # Each row is a column of the Jacobian; the transpose has the same eigenvalues.
-        system = [
-            (rates(hanging + FINE_DIFFERENCE * np.eye(len(hanging))[index]) - rest) / FINE_DIFFERENCE
-            for index in changing
-        ]
-        return float(np.abs(np.linalg.eigvals(np.array(system))).max())
+        return fastest_rate(rates, hanging, step=FINE_DIFFERENCE, moved=changing)
 
     def reset(self, state: Array) -> None:
         check_hook(self.effects, state[ROPE])

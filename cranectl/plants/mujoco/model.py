@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl.plants.differences import FINE_DIFFERENCE
 from cranectl.plants.mujoco.effects import (
     ACTUATORS,
     CARDAN_JOINTS,
@@ -40,7 +41,6 @@ SWITCHABLE = frozenset(
     {mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(model.needs for model in EFFECT_MODELS.values()))
 )
 ENCODERS = (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL)
-FINE_DIFFERENCE = 1e-9  # step of finite differences [m, rad, m/s, rad/s], below a stiff rope's stretch
 
 
 @functools.lru_cache(maxsize=8)

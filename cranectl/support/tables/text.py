@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 from cranectl.support.errors import InputError
+from cranectl.support.file_kinds import BYTE_ORDER_MARK
 from cranectl.support.tables.columns import ReadColumn
 from cranectl.support.tables.layout import (
     BLANKS,
@@ -50,7 +51,7 @@ class _Text(NamedTuple):
             while line := text.readline(MAX_LINE + 1):
                 if len(line) > MAX_LINE:
                     raise _too_long(self.where)
-                yield line.rstrip("\n").removeprefix("\ufeff")
+                yield line.rstrip("\n").removeprefix(BYTE_ORDER_MARK)
 
 
 def read_text(

@@ -7,12 +7,11 @@ mistake in the map explains what does not fit. An answer that is late has a cloc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 import numpy as np
 
 from cranectl.scenario import RigParameters
-from cranectl.support import Array, InputError
+from cranectl.support import Array, InputError, JSONRecord
 from cranectl.tools.measured.correlation import Response
 from cranectl.tools.measured.mapping import ANGLES, COMMANDS, MIN_ROPE, POSITIONS, MeasuredMap
 from cranectl.tools.measured.mistakes import Columns, Search
@@ -67,7 +66,7 @@ def check_motion(name: str, time: Array, values: Array, rig: RigParameters) -> N
 
 
 @dataclass(frozen=True)
-class Finding:
+class Finding(JSONRecord):
     """How one signal answers another, or what contradicts physics."""
 
     signal: str
@@ -91,10 +90,6 @@ class Finding:
             f"{self.signal} answers {self.cause} with correlation {self.correlation:.2f} and "
             f"gain {self.gain:.3g} (1 and 1 for exact readings){late}{sign}{offset}"
         )
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain data; numbers that are not known are null."""
-        return {name: None if value != value else value for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True)

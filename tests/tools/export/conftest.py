@@ -1,5 +1,5 @@
 """Fixtures of tests of exports."""
 
-from tests.loaders.conftest import forgotten
+from tests.loaders.conftest import forgotten, law
 
-__all__ = ["forgotten"]
+__all__ = ["forgotten", "law"]

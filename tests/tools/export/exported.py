@@ -10,8 +10,8 @@ import numpy as np
 
 from cranectl.loaders.c_controller import HEADER
 from cranectl.planning import load_scenario
-from cranectl.tools.export import exported_files, prepare_export
-from cranectl.tools.export.prepared import Exported
+from cranectl.tools.export.package import exported_files
+from cranectl.tools.export.prepared import Exported, prepare_export
 from cranectl.tools.export.vectors import Sample, replay
 
 SCENARIO = "settled-trajectory"  # 25 001 samples

@@ -17,9 +17,10 @@ from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Plan, Run, simulate_run
 from cranectl.support.arrays import Array
-from cranectl.tools.export import controller_fmu, prepare_export
+from cranectl.tools.export.controller_fmu import controller_fmu
 from cranectl.tools.export.fmu import fmu_archive
 from cranectl.tools.export.plant import DRIVEN, plant_model
+from cranectl.tools.export.prepared import prepare_export
 from tests.tools.export.fmus import Instance
 
 COMMANDS = [f"command.{axis}" for axis in DRIVEN]

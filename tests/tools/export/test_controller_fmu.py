@@ -14,7 +14,7 @@ from cranectl.planning import load_scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Plan, simulate_run
 from cranectl.support.errors import InputError
-from cranectl.tools.export import controller_fmu
+from cranectl.tools.export.controller_fmu import controller_fmu
 from cranectl.tools.export.fmu import fmu_archive
 from cranectl.tools.export.plant import DRIVEN, plant_model
 from tests.tools.export.exported import prepared

@@ -11,7 +11,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.loaders.opening import close_controllers
 from cranectl.support.errors import InputError
-from cranectl.tools.export import exported_files
+from cranectl.tools.export.package import exported_files
 from cranectl.tools.export.unit import Unit
 from tests.docs.test_docs import blocks
 from tests.tools.export.exported import library, prepared

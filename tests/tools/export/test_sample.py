@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cranectl.status import RunStatus
-from cranectl.tools.export import exported_files
+from cranectl.tools.export.package import exported_files
 from cranectl.tools.export.prepared import Exported
 from cranectl.tools.export.vectors import replay
 from tests.tools.export.exported import COMPILERS, compile_c, export, library, prepared, replayed, same_bits

@@ -7,8 +7,8 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
-from cranectl.tools.export import exported_files
 from cranectl.tools.export import single as single_module
+from cranectl.tools.export.package import exported_files
 from cranectl.tools.export.single import in_single_precision
 from tests.tools.export.exported import COMPILERS, prepared, replayed
 from tests.tools.export.test_controllers import EQUAL

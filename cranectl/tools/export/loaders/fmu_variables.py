@@ -8,12 +8,12 @@ from typing import Any, Literal, NamedTuple
 from pydantic import Field
 
 from cranectl.controllers import Controller, Parameter
-from cranectl.loaders.fmu_step import HELD, MEASURED
-from cranectl.loaders.fmu_units import Conversion
 from cranectl.loaders.opening import ControllerFile
 from cranectl.scenario import Settings
 from cranectl.signals import Signal, SignalGroup
 from cranectl.support import TOML, InputError
+from cranectl.tools.export.loaders.fmu_step import HELD, MEASURED
+from cranectl.tools.export.loaders.fmu_units import Conversion
 
 ENCODERS = {f"encoders.{name}": k for k, name in enumerate(SignalGroup.STATE.names[::2])}
 STATES = {f"state.{name}": k for k, name in enumerate(SignalGroup.STATE.names)}

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from cranectl.controllers import Controller, Logged, Nominal
-from cranectl.loaders import fmi, fmu_step
 from cranectl.loaders.declaration_process import ask_declaration
-from cranectl.loaders.fmu_variables import Variables, variables_of
 from cranectl.loaders.opening import ControllerFile, directory_of, slug
 from cranectl.support import Array, CompiledStep, ForeignCode, InputError
+from cranectl.tools.export.loaders import fmi, fmu_step
+from cranectl.tools.export.loaders.fmu_variables import Variables, variables_of
 
 MAX_UNPACKED_BYTES = 2**30  # unpacked
 _TELL = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_int64] * 3, ctypes.c_double)

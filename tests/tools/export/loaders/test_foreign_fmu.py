@@ -11,8 +11,8 @@ from cranectl.loaders.opening import close_controllers, open_controller
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from tests.loaders.controller_files import scenario
-from tests.loaders.fmu_files import INPUTS, Replaced, binary, description, fmu
-from tests.loaders.test_fmu import damped
+from tests.tools.export.loaders.fmu_files import INPUTS, Replaced, binary, description, fmu
+from tests.tools.export.loaders.test_fmu import damped
 
 # As pythonfmu writes them: a Boolean has no variability, and is said to need its tool.
 PYTHON = """\

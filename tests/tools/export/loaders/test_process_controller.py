@@ -148,7 +148,7 @@ def test_free_running_holds_the_last_command_and_counts_what_it_missed(
 def test_a_program_that_fails_ends_its_run_only(
     broken: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("cranectl.loaders.process_controller.ANSWER_TIMEOUT", 2.0)
+    monkeypatch.setattr("cranectl.tools.export.loaders.process_controller.ANSWER_TIMEOUT", 2.0)
     monkeypatch.chdir(tmp_path)
     law = str(program(tmp_path, broken))
     assert samples_before_failure(law, Path("run.mcap")) == 1200

@@ -18,7 +18,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
 from cranectl.tools.live.session import Session
 from tests.loaders.controller_files import ASKED, LAW, campaign_file, samples_before_failure, scenario
-from tests.loaders.fmu_files import Replaced, binary, description, fmu
+from tests.tools.export.loaders.fmu_files import Replaced, binary, description, fmu
 
 BOTH = pytest.mark.parametrize("fmi", [2, 3])
 
@@ -190,7 +190,7 @@ def test_what_would_be_written_elsewhere_is_refused(tmp_path: Path) -> None:
 def test_what_is_too_large_or_without_a_reader_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.loaders.fmu.MAX_UNPACKED_BYTES", 10)
+    monkeypatch.setattr("cranectl.tools.export.loaders.fmu.MAX_UNPACKED_BYTES", 10)
     refused(fmu(tmp_path / "law.fmu", 2, more=[("large", "x")]), "more than 10 bytes")
     monkeypatch.setitem(sys.modules, "fmpy", None)
     refused(tmp_path / "law.fmu", "pip install 'cranectl[fmi]'")
