@@ -50,6 +50,7 @@ def write(path: Path, rows: int, kind: str) -> None:
     path.with_suffix(".toml").write_text(scenario_text(SEGMENT.format(path.name)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("action", "kind"), [("fit", "Parquet"), ("read", "CSV")])
 def test_the_largest_file_takes_less_memory_than_the_limit(action: str, kind: str, tmp_path: Path) -> None:
     write(tmp_path / "few", 20_000, kind)
