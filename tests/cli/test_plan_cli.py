@@ -25,6 +25,7 @@ HOIST = scenario_text(
 files = written({"across.toml": ACROSS, "hoist.toml": HOIST})
 
 
+@pytest.mark.slow
 def test_a_plan_is_printed_drawn_and_logged(output: Command) -> None:
     out = output("plan", "across.toml", "--plot", "plan.svg", "--json", "plan.json")
     assert "a given line in minimum time" in out
