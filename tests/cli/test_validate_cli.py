@@ -112,6 +112,7 @@ def write_variant(name: str, text: str) -> None:
     Path(f"{name}.toml").write_text(GOOD.replace("good", name) + text)
 
 
+@pytest.mark.slow
 @pytest.mark.processor
 def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     capsys: pytest.CaptureFixture[str],
