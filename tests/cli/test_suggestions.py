@@ -51,6 +51,7 @@ FILES = {CONTROLLER_FILE: LAW, "the ship.toml": SHIP, "many ships.toml": MANY}
 prepared_files = prepared(FILES, [], run_campaign)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keep", ["failed", "none"])
 def test_commands_that_a_validation_suggests_work(keep: str) -> None:
     controllers = ["--controller", f"{CONTROLLER_FILE}:BridgeServo,{CONTROLLER_FILE}:damper,lqr"]
@@ -67,6 +68,7 @@ def test_commands_that_a_validation_suggests_work(keep: str) -> None:
         assert execute(command) == (0 if command.startswith("cranectl report") else 1), command
 
 
+@pytest.mark.slow
 def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "the ship.toml", *OWN, *ON, "--out", "a log.mcap"]) == 1
     assert main(["run", "the ship.toml", "--controller", "lqr", *ON, "--out", "b log.mcap"]) == 1

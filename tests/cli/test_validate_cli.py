@@ -162,6 +162,7 @@ def test_a_directory_selects_all_scenarios_in_it(
     assert "mine/broken.toml: could not be run" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.CaptureFixture[str]) -> None:
     write_variant("strict", LIMITS.format(0.0))
     command = ["validate", "strict.toml", "good.toml", "broken.toml", *OFFSET, *OPTIONS]
