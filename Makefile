@@ -64,19 +64,20 @@ lint: .venv/extras ## check format, style, spelling, types and directions of imp
 TOOLS = tests/tools/robustness tests/campaign tests/cases tests/tools/export tests/fuzz tests/tools/live \
 	tests/loaders tests/tools/measured tests/tools/render tests/report
 # Kernels are compiled and motions planned first, or two processes of the tests would do the same.
+CORE = --ignore tests/docs --ignore tests/tools/thesis --ignore tests/drake --ignore tests/planning --ignore tests/benchmark \
+	--ignore tests/tools/benchmark $(TOOLS:%=--ignore %) --ignore tests/test_processors.py
 test: .venv/extras ## run the core tests
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
 	$(call saying,1800,"compiling kernels and planning motions") $(BIN)/python -m tests.kernels
-	$(call limit,7200) $(BIN)/python -m pytest --ignore tests/docs --ignore tests/tools/thesis --ignore tests/drake \
-		--ignore tests/planning --ignore tests/benchmark --ignore tests/tools/benchmark $(TOOLS:%=--ignore %) \
-		--ignore tests/test_processors.py
+	$(call limit,3600) $(BIN)/python -m pytest -m "not slow" $(CORE)
 
 # A set is left out while nothing that it depends on has changed since its last full pass, in .ci/proven.json.
 # ALL=1 runs every set and records those that pass. PLAN_CASES and DRAKE_CASES limit the number of random cases.
 NMPC_PLANS = tests/benchmark/test_nmpc_plans.py
 changed = $(BIN)/python .ci/proven.py $(1) $(if $(ALL),--always) --
-test-more: .venv/extras ## test tools, documents, the literature, plans and Drake, if sources changed
+test-more: .venv/extras ## slow tests, tools, documents, literature, plans, Drake, if sources changed
 	$(call saying,3600,"looking for EGL and a C compiler") tests/install
+	$(call limit,5400) $(call changed,core) $(BIN)/python -m pytest -m slow $(CORE)
 	$(call limit,3600) $(call changed,tools) $(BIN)/python -m pytest $(TOOLS)
 	$(call limit,3600) $(call changed,docs) $(BIN)/python -m pytest tests/docs tests/tools/thesis
 	$(call limit,3600) $(call changed,literature) $(BIN)/python -m pytest tests/benchmark tests/tools/benchmark --ignore $(NMPC_PLANS)

@@ -65,6 +65,10 @@ TOOLS = (
 )
 TOOLS += ("tools/render", "report")
 SETS = {
+    "core": Set(  # its slow tests
+        modules=(*PACKAGE, "tests/**/*.py"),
+        data=(*PACKAGE_DATA, *PAGES, "tests/**/*"),
+    ),
     "tools": Set(
         modules=(*PACKAGE, *(f"tests/{name}/**/*.py" for name in TOOLS)),
         data=(

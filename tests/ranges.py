@@ -3,6 +3,7 @@
 `make test` runs a fixed selection of the cases; RANGE_CASES=all runs all of them.
 """
 
+import contextlib
 import json
 import math
 import os
@@ -59,6 +60,14 @@ def put(node: Any, key: Key, value: float) -> Any:
     _ = parent[key[-1]]
     parent[key[-1]] = value
     return copy
+
+
+def changes(model: type[BaseModel], node: Any, last: int = 2) -> Iterator[tuple[str, Any]]:
+    """Yield a copy of `node` for each number at an end, with a name; of lists the first and `last` number."""
+    for key, value in ends(model):
+        for whole in (key, (*key[:-1], last)):
+            with contextlib.suppress(LookupError, TypeError):
+                yield f"{'.'.join(map(str, whole))}={value!r}", put(node, whole, value)
 
 
 def share_of(cases: Sequence[Case], count: int, always: tuple[str, ...] = ()) -> list[Case]:

@@ -2,6 +2,7 @@
 
 import ast
 import contextlib
+import functools
 import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -107,9 +108,15 @@ def words(base: str, appended: Words) -> list[str]:
     return list(itertools.chain.from_iterable(pairs))
 
 
+@functools.cache
+def trees_in(folder: Path) -> dict[Path, ast.Module]:
+    """Return the syntax of the sources below a folder, by their paths in order."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted(folder.rglob("*.py"))}
+
+
 def remedies_in(folder: Path = PACKAGE) -> set[Remedy]:
     """Return every remedy in the sources below a folder."""
-    trees = {path: ast.parse(path.read_text()) for path in sorted(folder.rglob("*.py"))}
+    trees = trees_in(folder)
     all_definitions = definitions(itertools.chain.from_iterable(tree.body for tree in trees.values()))
     return {
         (path.relative_to(folder).as_posix(), text)
@@ -125,8 +132,8 @@ def without_remedy(folder: Path = PACKAGE) -> list[str]:
     """Return the source lines that create an error about the user's input without a remedy."""
     return [
         f"{path.relative_to(folder)}:{node.lineno}"
-        for path in sorted(folder.rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text()))
+        for path, tree in trees_in(folder).items()
+        for node in ast.walk(tree)
         if isinstance(node, ast.Call)
         and ast.unparse(node.func) in ("InputError", "LogError", "StepError", "MachineError", "RuleError")
         and "remedy" not in [keyword.arg for keyword in node.keywords]

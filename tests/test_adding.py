@@ -12,6 +12,8 @@ import pytest
 
 from tests.modified_package import run_with
 
+pytestmark = pytest.mark.slow
+
 HINGE: Mapping[str, Mapping[str, str]] = {
     "scenario/effects.py": {
         "    installation: Installation = Installation()\n": "    hinge: Hinge = Hinge()\n",

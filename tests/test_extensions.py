@@ -10,6 +10,8 @@ import pytest
 
 from tests.packages import install, run_all_beside
 
+pytestmark = pytest.mark.slow
+
 CONTROLLER = """\
 import numpy as np
 from cranectl import Controller, Logged, Parameter, Signal

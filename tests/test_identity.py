@@ -31,6 +31,7 @@ from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.tools.benchmark.tuned import tuned_facts
 from tests.plants.own_models import HALL_NAMES, MODELS
+from tests.reference.recordings import scenario_text
 
 # Faces of rooms have functions of these names.
 kept = importlib.import_module("cranectl.support.kept")
@@ -46,18 +47,13 @@ def law(parameters, measured, reference, memory, command):
 PROGRAM = "import beside\nVALUE\n"
 TABLE = f'name = "law"\nprogram = ["{sys.executable}", "program.py"]\nfiles = ["beside.py"]\n'
 PLANT = "import beside\nVALUE\nclass Plant:\n    pass\n"
-SCENARIO = """\
-name = "own"
-duration = 9.0
-rig = "crane.toml"
-[reference]
-start = [0.5, 0.5, -0.7]
-[[reference.segments]]
+WAYPOINTS = """\
 kind = "waypoints"
 file = "path.csv"
 units = {length = "m"}
 time_law = "minimum-time"
 """
+SCENARIO = scenario_text(WAYPOINTS, [0.5, 0.5, -0.7], name="own", duration=9.0, rig="crane.toml")
 
 
 def put(folder: Path, name: str, template: str, value: str) -> Path:

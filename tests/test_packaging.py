@@ -63,6 +63,7 @@ def python(site: Path, work: Path, *arguments: str, code: int = 0) -> str:
     return result.stderr if code else result.stdout
 
 
+@pytest.mark.slow
 def test_the_wheel_runs_without_the_checkout(wheel: Path, tmp_path: Path) -> None:
     """The wheel is unpacked elsewhere, and only dependencies come from this environment.
 

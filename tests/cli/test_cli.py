@@ -124,6 +124,7 @@ def test_design_uses_the_named_scenario_and_settings() -> None:
     assert gamma_ratio("--set", "design.loop_shaping.back_off=1.1") > 1.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["svg", "pdf", "png"])
 def test_a_design_plot_is_reproducible(output: Command, suffix: str) -> None:
     for name in ("a", "b"):
@@ -253,6 +254,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_closes_the_log(signal_number: signal.Signals) -> None:
     """The signal is sent as soon as the simulation has started; the run takes much longer."""
@@ -272,6 +274,7 @@ def test_an_interrupt_closes_the_log(signal_number: signal.Signals) -> None:
     assert [path.name for path in Path().iterdir()] == ["long.mcap"]
 
 
+@pytest.mark.slow
 def test_a_run_works_with_an_unwritable_home_directory() -> None:
     """The home directory is a file, into which not even root can write."""
     Path("home").write_text("")

@@ -12,7 +12,7 @@ import click
 from cranectl.cli.main import cli
 from tests.cli import option_cases
 from tests.conftest import ROOT
-from tests.remedies import PACKAGE, Remedy, remedies_in, without_remedy
+from tests.remedies import PACKAGE, Remedy, remedies_in, trees_in, without_remedy
 
 INPUTS = ("campaign", "controllers", "design", "files", "planning", "reference", "rules", "scenario")
 TABLES = [option_cases, *(import_module(f"tests.cli.test_key_remedies_{name}") for name in INPUTS)]
@@ -88,8 +88,8 @@ def options(command: click.Command) -> Iterator[str]:
 
 
 def test_every_command_and_option_that_a_text_names_exists() -> None:
-    sources = [ast.parse(path.read_text(encoding="utf-8")) for path in PACKAGE.rglob("*.py")]
-    texts = [str(node.value) for tree in sources for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    trees = trees_in(PACKAGE).values()
+    texts = [str(node.value) for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant)]
     named = {name for text in texts for name in re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", text)}
     assert named - {*options(cli)} == OTHER_OPTIONS
     groups = {name: command for name, command in cli.commands.items() if isinstance(command, click.Group)}

@@ -23,6 +23,7 @@ pid.shaper = "none"
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_all_commands_handle_controllers_outside_the_flat_family(
     name: str, output: Command, capsys: pytest.CaptureFixture[str]

@@ -25,6 +25,7 @@ prepared_files = prepared(
 )
 
 
+@pytest.mark.slow
 def test_info_compare_and_report_read_an_overlay(output: Command) -> None:
     assert "overlay of   lqr, pid, pole-placement" in output("info", "all.mcap")
     assert "Largest difference from lqr" in output("compare", "all.mcap")

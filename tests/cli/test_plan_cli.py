@@ -11,37 +11,21 @@ from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.simulate import simulate_run
 from tests.cli.conftest import Command
+from tests.reference.recordings import scenario_text
 from tests.remedies import written
 
-SCENARIO = """
-name = "across"
-duration = 3.0
-[reference]
-start = [0.4, 0.77, -0.7]
-[[reference.segments]]
-kind = "line"
-to = [1.0, 0.77, -0.7]
-time_law = "minimum-time"
-[[obstacles]]
-name = "low wall"
-low = [0.6, 0.0, -1.4]
-high = [0.8, 1.54, -1.0]
-"""
-HOIST = """
-name = "hoist"
-duration = 6.0
-[reference]
-start = [1.0, 0.77, -1.0]
-[[reference.segments]]
-kind = "line"
-to = [1.0, 0.77, -0.5]
-duration = 4.4
-[effects.limits]
-velocity = [1.0, 1.0, 0.2]
-"""
-files = written({"across.toml": SCENARIO, "hoist.toml": HOIST})
+ACROSS = scenario_text(
+    "kind = 'line'\nto = [1.0, 0.77, -0.7]\ntime_law = 'minimum-time'", [0.4, 0.77, -0.7], duration=3.0,
+    obstacles=[{"name": "low wall", "low": [0.6, 0.0, -1.4], "high": [0.8, 1.54, -1.0]}],
+)  # fmt: skip
+HOIST = scenario_text(
+    "kind = 'line'\nto = [1.0, 0.77, -0.5]\nduration = 4.4", [1.0, 0.77, -1.0], duration=6.0,
+    effects={"limits": {"velocity": [1.0, 1.0, 0.2]}},
+)  # fmt: skip
+files = written({"across.toml": ACROSS, "hoist.toml": HOIST})
 
 
+@pytest.mark.slow
 def test_a_plan_is_printed_drawn_and_logged(output: Command) -> None:
     out = output("plan", "across.toml", "--plot", "plan.svg", "--json", "plan.json")
     assert "a given line in minimum time" in out
@@ -104,5 +88,5 @@ def test_a_motion_that_run_refuses_is_refused_by_plan_with_the_same_words(refusa
     assert error == refusal("run", "--plants", "elastic", "hoist.toml")
     assert "the drive of the rope can: 0.28 m/s" in error
     assert "effects.limits.velocity = 0.2 m/s" in error
-    Path("hoist.toml").write_text(HOIST.replace("4.4", "6.0").replace("6.0\n[ref", "8.0\n[ref"))
+    Path("hoist.toml").write_text(HOIST.replace("6.0", "8.0").replace("4.4", "6.0"))
     assert main(["plan", "hoist.toml", "--set", "effects.limits.velocity=[1.0,1.0,0.3]"]) == 0

@@ -156,6 +156,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
+@pytest.mark.slow
 def test_passing_tests_leave_only_golden_runs(repository: Path) -> None:
     failed = {name for name, message in messages(repository).items() if message}
     assert {name.partition("[")[0] for name in failed} == set(re.findall(r"def (test_\w+)", FAILING))
@@ -171,6 +172,7 @@ def test_passing_tests_leave_only_golden_runs(repository: Path) -> None:
     assert all((repository / path).stat().st_size < 250_000 for path in golden)
 
 
+@pytest.mark.slow
 def test_failures_report_signal_time_difference_limit_and_log(repository: Path) -> None:
     failures = messages(repository)
 
@@ -207,6 +209,7 @@ def test_failures_report_signal_time_difference_limit_and_log(repository: Path) 
     assert log("test_anything_else").keys() == {"analytic", "elastic", "mujoco"}
 
 
+@pytest.mark.slow
 def test_failures_point_to_the_line_of_the_test(repository: Path) -> None:
     selection = ["test_failing.py", "-k", "alike or test_no_golden"]
     out = run_pytest(repository, *selection, "--cranectl-logs", "law.py")

@@ -51,6 +51,7 @@ FILES = {CONTROLLER_FILE: LAW, "the ship.toml": SHIP, "many ships.toml": MANY}
 prepared_files = prepared(FILES, [], run_campaign)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keep", ["failed", "none"])
 def test_commands_that_a_validation_suggests_work(keep: str) -> None:
     controllers = ["--controller", f"{CONTROLLER_FILE}:BridgeServo,{CONTROLLER_FILE}:damper,lqr"]
@@ -67,6 +68,7 @@ def test_commands_that_a_validation_suggests_work(keep: str) -> None:
         assert execute(command) == (0 if command.startswith("cranectl report") else 1), command
 
 
+@pytest.mark.slow
 def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "the ship.toml", *OWN, *ON, "--out", "a log.mcap"]) == 1
     assert main(["run", "the ship.toml", "--controller", "lqr", *ON, "--out", "b log.mcap"]) == 1
@@ -80,6 +82,7 @@ def test_commands_that_runs_and_reports_suggest_work(capsys: pytest.CaptureFixtu
         assert execute(command) == 0, command
 
 
+@pytest.mark.slow
 def test_commands_that_a_ladder_suggests_work(output: Command) -> None:
     settings = ["--set", "rig.load_mass=1.5", *ON[-2:], "--top", "sampled"]
     said = output("ladder", "the ship.toml", *OWN, *settings, "--report", "a page.html")
@@ -91,6 +94,7 @@ def test_commands_that_a_ladder_suggests_work(output: Command) -> None:
     assert Path("a page.html").read_bytes() == before, "the suggested command loses a setting"
 
 
+@pytest.mark.slow
 def test_commands_that_a_campaign_report_suggests_work(monkeypatch: pytest.MonkeyPatch) -> None:
     Path("elsewhere").mkdir()
     for folder, result in ((".", "the result"), ("elsewhere", "../the result")):
@@ -105,6 +109,7 @@ def test_commands_that_a_campaign_report_suggests_work(monkeypatch: pytest.Monke
             assert execute(command) == 0, command
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", ["missing", "damaged"])
 def test_the_command_that_completes_a_result_works(state: str, refusal: Command) -> None:
     part = sorted(Path("the result", PARTS).iterdir())[-1]

@@ -112,6 +112,7 @@ def write_variant(name: str, text: str) -> None:
     Path(f"{name}.toml").write_text(GOOD.replace("good", name) + text)
 
 
+@pytest.mark.slow
 @pytest.mark.processor
 def test_limits_of_a_scenario_are_judged_in_addition_to_the_agreement(
     capsys: pytest.CaptureFixture[str],
@@ -161,6 +162,7 @@ def test_a_directory_selects_all_scenarios_in_it(
     assert "mine/broken.toml: could not be run" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_validate_writes_junit_and_a_page_and_keeps_failed_logs(capsys: pytest.CaptureFixture[str]) -> None:
     write_variant("strict", LIMITS.format(0.0))
     command = ["validate", "strict.toml", "good.toml", "broken.toml", *OFFSET, *OPTIONS]

@@ -12,6 +12,7 @@ The oracles are independent of what they judge:
 """
 
 import json
+import re
 from fractions import Fraction
 
 import control
@@ -28,7 +29,7 @@ from cranectl.scenario import DesignSettings
 from cranectl.simulate import simulate_run
 from cranectl.status import RunStatus
 from tests.loops import chain_loop, check_margins, modal_response, spectral_residual, swept_peak
-from tests.ranges import ALL, ends, has_found_allowed_and_remedy, put, share_of
+from tests.ranges import ALL, changes, has_found_allowed_and_remedy, share_of
 from tests.reference.recordings import inline
 
 SHARE = 8
@@ -57,13 +58,10 @@ Case = tuple[str, str, dict]
 
 def of_ends() -> list[Case]:
     all_cases = []
-    for key, value in ends(DesignSettings):
-        for whole in (key, (*key[:-1], 3)) if isinstance(key[-1], int) else (key,):
-            changed = put(DEFAULTS, whole, value)[whole[0]]
-            for name in CONTROLLERS:
-                if any(whole[0] in USED[part] for part in name.split("+")):
-                    label = f"{name}: {'.'.join(map(str, whole))}={value!r}"
-                    all_cases.append((label, name, {whole[0]: changed}))
+    for change, table in changes(DesignSettings, DEFAULTS, last=3):
+        setting = re.split("[.=]", change)[0]
+        names = [name for name in CONTROLLERS if any(setting in USED[part] for part in name.split("+"))]
+        all_cases += [(f"{name}: {change}", name, {setting: table[setting]}) for name in names]
     for end in (-1e-3, -1e3):
         all_cases += [(f"{name}: poles={end}", name, {"poles": [end] * 4}) for name in CONTROLLERS[:3]]
     return list({case[0]: case for case in all_cases}.values())

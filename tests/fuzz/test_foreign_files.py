@@ -20,6 +20,7 @@ from tests.fuzz.oracle import PROCESS_FUZZ_FACTOR, check_command, fuzzed
 from tests.fuzz.strategies import changed, damaged, toml
 from tests.fuzz.test_documents import read
 from tests.log.test_foreign import FORMS, OTHER_FILES, rewrite_log
+from tests.reference.recordings import scenario_text
 from tests.reference.test_foreign_tables import READ, REFUSED
 from tests.tools.export.loaders.fmu_files import fmu
 from tests.tools.measured.test_formats import TEXTS as MEASURED
@@ -68,7 +69,6 @@ def table_bytes(content: str | bytes) -> bytes:
 
 TABLES = {name: (table_bytes(content), text) for name, (content, text) in READ.items()}
 TABLES |= {name: (content, READ["Excel"][1]) for name, (content, *_) in REFUSED.items()}
-SEGMENT = 'name = "t"\nduration = 10.0\n[reference]\nstart = [0.4, 0.5, -0.6]\n[[reference.segments]]\n'
 
 
 @fuzzed(70, name=st.sampled_from(sorted(TABLES)), other=st.sampled_from(sorted(READ)), data=st.data())
@@ -78,7 +78,7 @@ def test_damaged_tables_of_other_tools_are_used_or_refused(
     """Read a table that is damaged, or with the settings that another table needs."""
     content, own_settings = TABLES[name]
     (tmp_path / "teach.csv").write_bytes(data.draw(st.one_of(st.just(content), damaged(content))))
-    text = SEGMENT + data.draw(st.sampled_from([own_settings, READ[other][1]]))
+    text = scenario_text(data.draw(st.sampled_from([own_settings, READ[other][1]])))
     text = text.replace("samples", data.draw(st.sampled_from(["samples", "waypoints"])))
     plan: Plan | None = read(lambda path: Plan.of(load_scenario(path)), tmp_path, text.encode())
     assert plan is None or np.isfinite(plan.reference).all()

@@ -33,10 +33,20 @@ def test_it_says_where_to_search_and_how_its_numbers_go_with_size(tmp_path: Path
     assert design.parameters == {"stiffness": pytest.approx(16.0 * 1.4 / 40.0, rel=5e-3), "damping": 8.0}
 
 
-@pytest.mark.parametrize("bounds", ["3.0, 0.3", "-1.0, 1.0", "1.0, 1.0 / 0.0", "0.0 / 0.0, 1.0", "1.0, 1.0"])
-def test_a_search_that_is_none_is_refused(bounds: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="search of stiffness"):
-        open_controller(str(built(tmp_path, tuning=f", {{{bounds}}}")))
+SEARCHES = ("3.0, 0.3", "-1.0, 1.0", "1.0, 1.0 / 0.0", "0.0 / 0.0, 1.0", "1.0, 1.0")
+PERIODS = ("-0.01", "1e-9", "1e9", "0.0 / 0.0", "1.0 / 0.0")
+REFUSED = [
+    *(("tuning", f", {{{bounds}}}", "search of stiffness") for bounds in SEARCHES),
+    *(("more", f", .period = {period}", r"c-servo\.period = .*\nallowed:.* from 1e-06 to 600, or none")
+      for period in PERIODS),
+    ("more", ', .reads = "gravity mass"', "reads names 'mass', allowed is gravity, bridge_mass"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("part", "text", "found"), REFUSED)
+def test_what_cannot_be_declared_is_refused(part: str, text: str, found: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=found):
+        open_controller(str(built(tmp_path, **{part: text})))
 
 
 @pytest.mark.parametrize("reads", ["gravity load_mass", "gravity", ""])
@@ -47,11 +57,6 @@ def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> 
     nominal = nominal_at(law, 0.8)
     given = law.prepare(nominal)[0][2]
     assert given == nominal.rig.load_mass if "load_mass" in reads else np.isnan(given)
-
-
-def test_a_library_that_reads_what_there_is_not_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="reads names 'mass', allowed is gravity, bridge_mass"):
-        open_controller(str(built(tmp_path, more=', .reads = "gravity mass"')))
 
 
 @pytest.mark.parametrize(("every", "control"), [(1, 0.01), (2, 0.005)])
@@ -67,12 +72,6 @@ def test_a_library_that_was_made_for_a_period_runs_with_no_other(
     assert f"--set control.period={control} " in raised.value.remedy
     other = load_scenario("fast-diagonal", overrides=[*short, f"control.period={control}"])
     assert simulate_run(other, plant="analytic", controller=name).status == RunStatus.COMPLETED
-
-
-@pytest.mark.parametrize("period", ["-0.01", "1e-9", "1e9", "0.0 / 0.0", "1.0 / 0.0"])
-def test_a_period_that_no_run_can_have_is_refused(period: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"c-servo\.period = .*\nallowed:.* from 1e-06 to 600, or none"):
-        open_controller(str(built(tmp_path, more=f", .period = {period}")))
 
 
 @pytest.mark.usefixtures("in_empty_directory")

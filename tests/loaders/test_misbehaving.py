@@ -45,9 +45,19 @@ def opened(folder: Path, **parts: str) -> str:
     return open_controller(f"{path}:Odd")
 
 
-def ran(folder: Path, **parts: str) -> str:
+def ended(controller: str) -> str:
     scenario = load_scenario("fast-diagonal", overrides=SHORT)
-    return simulate_run(scenario, plant="analytic", controller=opened(folder, **parts)).status.label
+    return simulate_run(scenario, plant="analytic", controller=controller).status.label
+
+
+def ran(folder: Path, **parts: str) -> str:
+    return ended(opened(folder, **parts))
+
+
+def compiled(folder: Path, body: str) -> str:
+    path = folder / "law.py"
+    path.write_text(f"import math\ndef law(parameters, measured, reference, memory, command):\n    {body}\n")
+    return ended(open_controller(f"{path}:law"))
 
 
 @pytest.mark.parametrize(
@@ -77,13 +87,7 @@ def test_a_compiled_step_that_returns_no_whole_number_ends_its_run(
     returned: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """In compiled code the status that is made of NaN would be 0."""
-    path = tmp_path / "law.py"
-    path.write_text(
-        "import math\ndef law(parameters, measured, reference, memory, command):\n    return " + returned
-    )
-    scenario = load_scenario("fast-diagonal", overrides=SHORT)
-    run = simulate_run(scenario, plant="analytic", controller=open_controller(f"{path}:law"))
-    assert run.status.label == "controller-failed"
+    assert compiled(tmp_path, f"return {returned}") == "controller-failed"
     told = capfd.readouterr().err
     assert "Numba cannot compile it" in told
     assert "the step returns float64, which is no whole number" in told
@@ -104,15 +108,8 @@ def test_a_compiled_step_that_returns_no_whole_number_ends_its_run(
 def test_a_compiled_step_that_divides_whole_numbers_by_zero_fails_as_in_python(
     expression: str, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    path = tmp_path / "law.py"
-    path.write_text(
-        "import math\ndef law(parameters, measured, reference, memory, command):\n"
-        f"    n = int(memory[0])\n    command[0] = {expression}\n    return 0\n"
-    )
-    scenario = load_scenario("fast-diagonal", overrides=SHORT)
-    run = simulate_run(scenario, plant="analytic", controller=open_controller(f"{path}:law"))
     ends = "controller-failed" if said or expression == "1 / n" else "completed"
-    assert run.status.label == ends
+    assert compiled(tmp_path, f"n = int(memory[0]); command[0] = {expression}; return 0") == ends
     told = capfd.readouterr().err
     assert said in told
     assert "cannot compile" not in told

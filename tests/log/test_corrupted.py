@@ -399,6 +399,7 @@ def test_a_length_beyond_any_memory_is_refused() -> None:
         parse(Chunk.read, Record(Opcode.CHUNK, 8, 9 + len(body), body))
 
 
+@pytest.mark.slow
 def test_decompression_bombs_cost_little_memory_and_time(log: Path, tmp_path: Path) -> None:
     files = {name: put_together(take_apart(log), edit) for name, edit in BOMBS.items()}
     for length in (0, 20_000):

@@ -129,6 +129,7 @@ def no_checksums(data: bytes, rng: np.random.Generator, count: int) -> Iterator[
     yield from flipped(bytes(bare), rng, count)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "count", "expected"),
     [(edited_lengths, 500, 0.95), (edited_numbers, 500, 0.6), (no_checksums, 400, 0.45)],

@@ -310,6 +310,7 @@ print(resident() - before)
 """
 
 
+@pytest.mark.slow
 def test_many_logs_in_one_process_do_not_leak_memory(tmp_path: Path) -> None:
     """The library never frees channels that are created in its usual way, which would take 15 MiB here."""
     command = [sys.executable, "-c", WRITE_MANY, str(tmp_path / "a.mcap")]

@@ -58,6 +58,7 @@ def seconds(function: Callable[[], object], times: int) -> float:
     return min(once() for _ in range(times))
 
 
+@pytest.mark.slow
 def test_reading_is_much_faster_than_with_mcap(tmp_path: Path) -> None:
     """Reading 25 s of both plants takes less than a quarter of the time of mcap's iterator, which is 1.1 s.
 

@@ -365,6 +365,7 @@ def kill(log: Path, directory: Path, cases: Iterable[str]) -> list[tuple[Path, P
     return [(path, path.with_name(f"{path.name}.{child}.part"), status) for path, child, status in killed]
 
 
+@pytest.mark.slow
 def test_a_log_can_be_recovered_after_a_kill_at_any_time(long_log: Path, tmp_path: Path) -> None:
     """At most one chunk of the messages sent before the kill is lost."""
     expected = read_log(long_log)
@@ -389,6 +390,7 @@ def test_a_log_can_be_recovered_after_a_kill_at_any_time(long_log: Path, tmp_pat
             assert_beginning(run, expected[plant])
 
 
+@pytest.mark.slow
 def test_a_termination_signal_waits_for_the_log(long_log: Path, tmp_path: Path) -> None:
     """Ctrl-C during the writing of a log does not discard a finished run."""
     expected = write_log(tmp_path / "whole.mcap", list(read_log(long_log).values())).read_bytes()
@@ -416,6 +418,7 @@ for size in sys.argv[2:]:
 """
 
 
+@pytest.mark.slow
 def test_a_log_can_be_recovered_after_the_disk_was_full(log: Path, tmp_path: Path) -> None:
     """A limit on the file size stops the writer at any byte, as a full disk would."""
     expected = read_log(log)

@@ -60,6 +60,7 @@ def test_metrics_of_a_run_are_attributes() -> None:
         metrics.max_eror_m  # noqa: B018
 
 
+@pytest.mark.slow
 def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
     """The example of the docs page works in its own package: one row and a kernel.
 

@@ -16,6 +16,7 @@ def derivation(name: str) -> dict[str, Any]:
     return runpy.run_path(str(ROOT / "validation" / "proofs" / "derivations" / f"{name}.py"))
 
 
+@pytest.mark.slow
 def test_relative_degree_without_and_with_extension() -> None:
     """[2 2 2] has a decoupling matrix of rank 1, [4 4 2] is none, [4 4 4] with extension is one.
 

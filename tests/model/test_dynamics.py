@@ -13,6 +13,7 @@ RIG = RigParameters(bridge_mass=5.0, trolley_mass=2.0, winch_mass=0.3, load_mass
 STEP = 1e-6
 
 
+@pytest.mark.slow
 def test_derivation_from_the_lagrangian_equals_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """The derivation also notices a wrong sign."""
     derivation = runpy.run_path(str(ROOT / "validation" / "proofs" / "derivations" / "lagrange.py"))

@@ -83,8 +83,13 @@ def test_level_1_open_loop(seed: int) -> None:
 # Level 2: closed loop, every scenario, controller and drive, the whole run. No other test runs all of them.
 
 
+LONG = ("fixed-position", "near-the-limits", "settled-trajectory")
+
+
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("name", ALL_SCENARIOS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in ALL_SCENARIOS]
+)
 def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)

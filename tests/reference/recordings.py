@@ -1,6 +1,7 @@
 """Files of motions, scenarios that read them, and the excess of planned motions over their limits."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from cranectl.reference import Trajectory
 from cranectl.reference.time_laws import TimeLaw
 from cranectl.scenario import Scenario
 
-START = np.array([0.4, 0.5, -0.6])
+START = [0.4, 0.5, -0.6]
 TO = np.array([1.2, 0.9, -0.9])
 SAMPLES = """
 kind = "samples"
@@ -28,7 +29,7 @@ units = {time = "ms", length = "mm"}
 def motion(seconds: float = 8.0, rate: float = 50.0, noise: float = 0.0) -> np.ndarray:
     """Return times [s] and load positions [m] (N, 4) of a line from START to TO."""
     time = np.arange(0.0, seconds + 1e-9, 1.0 / rate)
-    points = START + TimeLaw().progress(time, seconds)[0][:, np.newaxis] * (TO - START)
+    points = np.array(START) + TimeLaw().progress(time, seconds)[0][:, np.newaxis] * (TO - START)
     return np.column_stack([time, points + np.random.default_rng(0).normal(0.0, noise, points.shape)])
 
 
@@ -48,14 +49,17 @@ def write_csv(path: Path, rows: np.ndarray, *, header: str = "t,X,Y,Z", comma: s
     path.write_text("\n".join([header.replace(",", separator), *lines, ""]), encoding="utf-8")
 
 
-def scenario_of(directory: Path, segment: str, **changes: Any) -> Scenario:
+def scenario_text(segment: str, start: Sequence[float] = START, name: str = "taken", **settings: Any) -> str:
+    """Return the file of a scenario of one segment, which may begin further tables after its keys."""
+    first = {"name": name, "duration": 10.0, **settings}
+    lines = [f"{key} = {inline(value)}" for key, value in first.items()]
+    return "\n".join([*lines, f"[reference]\nstart = {[*start]}\n[[reference.segments]]", segment])
+
+
+def scenario_of(directory: Path, segment: str, start: Sequence[float] = START, **changes: Any) -> Scenario:
     """Return the planned scenario of one segment."""
     path = directory / "taken.toml"
-    start = changes.pop("start", START.tolist())
-    path.write_text(
-        f'name = "taken"\nduration = 10.0\n[reference]\nstart = {start}\n[[reference.segments]]\n{segment}',
-        encoding="utf-8",
-    )
+    path.write_text(scenario_text(segment, start), encoding="utf-8")
     return load_scenario(path, overrides=[f"{name}={value}" for name, value in changes.items()])
 
 
@@ -64,6 +68,8 @@ def inline(value: Any) -> str:
     if isinstance(value, dict):
         entries = (f"{name}={inline(entry)}" for name, entry in value.items() if entry is not None)
         return f"{{{', '.join(entries)}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(inline, value))}]"
     return json.dumps(value)
 
 

@@ -178,6 +178,7 @@ def test_the_bridge_overshoots_the_end_of_the_rig_only_with_a_faster_filter(
     assert max(over) > 1e-4 if overshoots else max(over) <= 1e-12
 
 
+@pytest.mark.slow
 def test_random_commands_stay_inside_the_limits() -> None:
     """50 minutes at a joystick with a new seed for every commit; the message contains it."""
     seed = random_joystick.commit()

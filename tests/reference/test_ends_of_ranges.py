@@ -18,7 +18,7 @@ from cranectl.scenario.recorded import Driven
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Hold, Move, WayPoints
 from cranectl.support.errors import InputError
-from tests.ranges import ends, put, result_or_refusal, share_of
+from tests.ranges import changes, ends, put, result_or_refusal, share_of
 from tests.reference.recordings import inline, largest_excess
 
 SHARE = 24
@@ -60,23 +60,21 @@ SEGMENTS: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
 
 def cases() -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
     """Return names of changes, each with the tables of the scenario and its segment."""
-    variants = []
-    for table, model in (("planning", PlanningSettings), ("rig", RigParameters), ("effects", DriveLimits)):
+    variants = {}
+    for table, model in (
+        ("planning", PlanningSettings),
+        ("rig", RigParameters),
+        ("effects.limits", DriveLimits),
+    ):
         for key, value in ends(model):
-            whole = (table, *(("limits",) if table == "effects" else ()), *key)
-            if table == "rig" and key[0] == "effects":
-                continue
-            name = f"{'.'.join(map(str, whole))}={value!r}"
-            variants.append((name, put(TABLES, whole, value), SEGMENTS["move"][1]))
+            if key[0] != "effects":  # of a rig: they are tried below `effects`
+                whole = (*table.split("."), *key)
+                name = f"{'.'.join(map(str, whole))}={value!r}"
+                variants[name] = (name, put(TABLES, whole, value), SEGMENTS["move"][1])
     for segment, (model, table) in SEGMENTS.items():
-        for key, value in ends(model):
-            for whole in (key, (*key[:-1], 2)):  # of a list the first and the last
-                try:
-                    changed = put(table, whole, value)
-                except (LookupError, TypeError):
-                    continue
-                variants.append((f"{segment}: {'.'.join(map(str, whole))}={value!r}", TABLES, changed))
-    return list({name: (name, *rest) for name, *rest in variants}.values())
+        for name, changed in changes(model, table):
+            variants[f"{segment}: {name}"] = (f"{segment}: {name}", TABLES, changed)
+    return list(variants.values())
 
 
 CASES = cases()

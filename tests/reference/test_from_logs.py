@@ -156,7 +156,7 @@ def test_info_names_the_file_of_the_reference(
     assert spline.fit is not None
     assert "segment 0: samples from teach.csv (SHA-256" in output
     assert f"held here): 101 samples, {spline.fit.spans} spans; samples left out are" in output
-    assert START.tolist() == list(spline.coefficients[0])
+    assert list(spline.coefficients[0]) == START
 
 
 def test_an_exported_table_needs_no_units(tmp_path: Path) -> None:

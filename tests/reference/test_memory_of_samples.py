@@ -11,21 +11,11 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from cranectl.reference.tables import MAX_FILE_ROWS
-from tests.reference.recordings import motion
+from tests.reference.recordings import motion, scenario_text
 
 LIMIT = 2**30  # [bytes]
 SCALE = 4  # memory is proportional to the number of samples, so a quarter of them is measured
-SCENARIO = """\
-name = "taken"
-duration = 10.0
-[reference]
-start = [0.4, 0.5, -0.6]
-[[reference.segments]]
-kind = "samples"
-spans = 40
-file = "{file}"
-units = {{time = "s", length = "m"}}
-"""
+SEGMENT = "kind = 'samples'\nspans = 40\nfile = '{}'\nunits = {{time = 's', length = 'm'}}"
 # Peak memory of a process with all modules loaded, then with the file.
 CHILD = """\
 import re, sys
@@ -57,9 +47,10 @@ def write(path: Path, rows: int, kind: str) -> None:
         arrow_csv.write_csv(pa.table({name: np.round(column, 3) for name, column in columns.items()}), path)
     else:
         parquet.write_table(pa.table(columns), path, compression="zstd")
-    path.with_suffix(".toml").write_text(SCENARIO.format(file=path.name))
+    path.with_suffix(".toml").write_text(scenario_text(SEGMENT.format(path.name)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("action", "kind"), [("fit", "Parquet"), ("read", "CSV")])
 def test_the_largest_file_takes_less_memory_than_the_limit(action: str, kind: str, tmp_path: Path) -> None:
     write(tmp_path / "few", 20_000, kind)

@@ -21,6 +21,7 @@ from tests.pace import HANG
 from tests.shadowing_modules import write_shadowing_modules
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_a_run_with_a_controller_in_a_child_in_order(tmp_path: Path) -> None:
     (tmp_path / "law.py").write_text(
         "import time\n"

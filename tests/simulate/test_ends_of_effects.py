@@ -4,7 +4,6 @@ The cases come from the schema, so that a key that is added is tried too. `make 
 the same each time; RANGE_CASES=all takes all.
 """
 
-import contextlib
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from cranectl.planning import load_scenario
 from cranectl.scenario.effects import EffectNumbers
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.errors import InputError
-from tests.ranges import ends, put, result_or_refusal, share_of
+from tests.ranges import changes, result_or_refusal, share_of
 from tests.reference.recordings import inline
 
 SHARE = 20
@@ -27,12 +26,8 @@ def cases() -> list[tuple[str, str, dict[str, Any]]]:
     all_cases = {}
     for effect, field in EffectNumbers.model_fields.items():
         model: Any = field.annotation
-        table = model().model_dump(mode="json")
-        for key, value in ends(model):
-            for whole in (key, (*key[:-1], 2)):  # of a list the first and the last
-                with contextlib.suppress(LookupError, TypeError):
-                    name = f"{effect}.{'.'.join(map(str, whole))}={value!r}"
-                    all_cases[name] = name, effect, put(table, whole, value)
+        for name, table in changes(model, model().model_dump(mode="json")):
+            all_cases[f"{effect}.{name}"] = f"{effect}.{name}", effect, table
     return [all_cases[name] for name in sorted(all_cases)]
 
 

@@ -1,6 +1,6 @@
 """Every setting of a scenario changes a run or its plan, is refused, or is reported as having no effect.
 
-The settings come from the models, so that new ones are tried too. `make test` tries each setting on a fixed
+The settings come from the models, so that new ones are tried too. `make test-more` tries each on a fixed
 share of the plants, drives and controllers; RANGE_CASES=all tries all.
 """
 
@@ -47,7 +47,7 @@ SHORT = [
 CONTROLLERS = controller_names()
 KINDS = [(plant, drive) for plant in PLANTS for drive in DRIVES]
 ALL = os.environ.get("RANGE_CASES") == "all"
-MAX_KINDS = 2  # combinations of plant and drive on which `make test` tries a setting
+MAX_KINDS = 2  # combinations of plant and drive on which `make test-more` tries a setting
 LABELS = {
     "name": "of the run, for people and files",
     "title": "for people",
@@ -156,6 +156,7 @@ def cases(plant: str, drive: str) -> Iterator[tuple[str, Any, str]]:
                 yield name, value, controller
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "drive"), KINDS)
 def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: str) -> None:
     wrong = []

@@ -247,6 +247,7 @@ def test_unknown_names_list_the_known(short: Scenario, keyword: str, value: str,
     assert caught.value.allowed.startswith(known)
 
 
+@pytest.mark.slow
 def test_a_second_process_compiles_nothing() -> None:
     script = """
 import numba

@@ -59,6 +59,7 @@ CASES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("controller", "plants", "drive", "overrides"), CASES)
 def test_a_case_needs_at_most_the_bound_and_no_tiny_part_of_it(
     controller: str, plants: tuple[str, ...], drive: str, overrides: tuple[str, ...], tmp_path: Path,

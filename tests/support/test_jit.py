@@ -201,6 +201,7 @@ def flipped(at: float) -> Callable[[bytes], bytes]:
     return flip
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_never_run_but_compiled_anew(tmp_path: Path) -> None:
     assert compiled_in_a_process(tmp_path) > 0
     for suffix in ("nbc", "nbi"):
@@ -237,6 +238,7 @@ def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
         file._load_data(file._data_name(1))
 
 
+@pytest.mark.slow
 def test_a_disk_too_full_for_the_cache_is_no_error(tmp_path: Path) -> None:
     """A limit on file size stops writing in the middle, as a full disk does."""
     assert compiled_in_a_process(tmp_path, FULL) > 0

@@ -83,6 +83,7 @@ def add_comment(text: str) -> str:
     return f"# Another comment.\n{text}\n# And one more.\n"
 
 
+@pytest.mark.slow
 def test_every_file_that_planning_and_design_use_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     """The list is of files that a process loaded and called, not of import statements."""
     command = [sys.executable, "-c", WATCH, *MOVES]

@@ -92,6 +92,7 @@ def cranectl(environment: dict[str, str], *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_a_run_gives_the_same_log(elsewhere: dict[str, str]) -> None:
     cranectl(elsewhere, "run", "fixed-position", *SHORT, *TWO, "--out", "there.mcap")
     here = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -104,6 +105,7 @@ def test_a_run_gives_the_same_log(elsewhere: dict[str, str]) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_cases_run_in_processes_that_are_not_forked(elsewhere: dict[str, str]) -> None:
     out = cranectl(
         elsewhere, "validate", "fixed-position", "--controller", "lqr", *SHORT, *TWO, "--jobs", "2",
@@ -113,6 +115,7 @@ def test_cases_run_in_processes_that_are_not_forked(elsewhere: dict[str, str]) -
     assert Path("junit.xml").is_file()
 
 
+@pytest.mark.slow
 def test_a_controller_of_a_file_runs_without_a_child(elsewhere: dict[str, str]) -> None:
     cranectl(elsewhere, "new", "controller", "mine")
     law = "mine.py:CONTROLLER"
@@ -120,6 +123,7 @@ def test_a_controller_of_a_file_runs_without_a_child(elsewhere: dict[str, str]) 
     assert len(list(Path("logs").rglob("*.mcap"))) == 1
 
 
+@pytest.mark.slow
 def test_a_campaign_is_written_and_written_again(elsewhere: dict[str, str]) -> None:
     given = ["campaign", "run", "lab-rig", "--controller", "lqr", "--plants", "mujoco", "--out", "result"]
     cranectl(elsewhere, *given, "--runs", "2")

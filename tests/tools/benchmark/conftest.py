@@ -7,6 +7,7 @@ import pytest
 
 from cranectl.loaders.opening import close_controllers
 from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from tests.reference.recordings import scenario_text
 from tests.tools.benchmark.tiny import STEP
 
 SMALL = """
@@ -73,21 +74,10 @@ high = 0.008
 distribution = "integers"
 """
 
-SHORT = """
-name = "short"
-duration = 1.0
-
-[reference]
-start = [0.5, 0.5, -0.8]
-
-[[reference.segments]]
-kind = "line"
-to = [0.6, 0.55, -0.8]
-duration = 0.6
-
-[limits]
-final_error_m = 0.05
-"""
+SHORT = scenario_text(
+    "kind = 'line'\nto = [0.6, 0.55, -0.8]\nduration = 0.6", [0.5, 0.5, -0.8],
+    name="short", duration=1.0, limits={"final_error_m": 0.05},
+)  # fmt: skip
 
 SERVO = f'''
 """A spring and a damper on each drive."""

@@ -1,4 +1,7 @@
-"""Peculiar files of real measuring systems are read, with the truth in them."""
+"""Peculiar files of real measuring systems are read, with the truth in them.
+
+`tests/tools/measured/test_formats.py` has the formats of texts.
+"""
 
 import json
 from collections.abc import Callable
@@ -63,13 +66,6 @@ def other_columns(text: str) -> str:
     return "\n".join([names, *(f"{row},7,8" for row in rows)])
 
 
-def time_stamps(text: str) -> str:
-    names, *rows = text.splitlines()
-    cells = [row.partition(",") for row in rows]
-    stamps = (f"2026-09-15T06:00:{float(seconds):06.3f}+00:00,{rest}" for seconds, _, rest in cells)
-    return "\n".join([names, *stamps])
-
-
 def repeat_a_row(text: str) -> str:
     lines = text.splitlines()
     return "\n".join([*lines[:50], lines[49], *lines[50:]])
@@ -86,16 +82,9 @@ MILLIMETRES = {name: {"unit": "mm"} for name in SIGNALS[:3]} | {name: {"unit": "
 # Changes of the table and of its text, then signals and settings of the map.
 TEXTS: dict[str, dict[str, Any]] = {
     "plain": {},
-    "no header": {
-        "text": lambda text: text.partition("\n")[2],
-        "signals": {name: {"column": k} for k, name in enumerate(SIGNALS, 2)},
-        "time": {"column": 1},
-    },
     "comments first and between": {
         "text": lambda text: "// restarted\n# by hand\n" + text.replace("\n0.5,", "\n// stopped\n0.5,")
     },
-    "names in a comment": {"text": "% {}".format},
-    "decimal commas": {"text": lambda text: text.replace(",", ";").replace(".", ",")},
     "more columns than names": {"text": other_columns},
     "units of technicians": {
         "table": degrees,
@@ -112,7 +101,6 @@ TEXTS: dict[str, dict[str, Any]] = {
         "table": lambda table: {name: table[name] for name in JOINTS},
         "time": {"period": 0.005},
     },
-    "time stamps": {"text": time_stamps},
     "names in Latin-1": {
         "text": lambda text: text.replace("alpha", "Winkel [°]", 1),
         "signals": {"alpha": {"column": "Winkel [°]"}},
@@ -161,12 +149,6 @@ def write_parquet(path: Path) -> None:
     parquet.write_table(pa.table(columns()), path)
 
 
-def write_matlab(path: Path) -> None:
-    from scipy.io import savemat
-
-    savemat(path, {"run": {"t": columns()["t"], "q": joint_rows()}})
-
-
 def write_timeseries(path: Path) -> None:
     from matio import save_to_mat
     from matio.utils.matclass import MatlabOpaque
@@ -183,21 +165,16 @@ def write_matlab_table(path: Path) -> None:
     save_to_mat(path, {"run": DataFrame(columns())}, version="v7")
 
 
-def write_excel(path: Path, *others: str) -> None:
-    """Write a workbook, with sheets of a few other numbers."""
+def write_two_sheets(path: Path) -> None:
     from openpyxl import Workbook
 
     book, table = Workbook(), columns()
-    for other in others:
-        book.create_sheet(other).append(["t", "x"])
-        book[other].append([0.0, 0.0])
-    for row in [list(table), *zip(*table.values(), strict=True)]:
-        book["Sheet"].append([value if isinstance(value, str) else float(value) for value in row])
+    monday = book.create_sheet("Monday")
+    for row in (["t", "x"], [0.0, 0.0]):
+        monday.append(row)
+    for row in [list(table), *np.column_stack([*table.values()]).tolist()]:
+        book["Sheet"].append(row)
     book.save(path)
-
-
-def write_two_sheets(path: Path) -> None:
-    write_excel(path, "Monday")
 
 
 def write_json(path: Path) -> None:
@@ -251,10 +228,8 @@ def write_ros_2(path: Path) -> None:
 # What writes a file, its name, and its columns of signals and times.
 FILES: dict[str, tuple[Callable[[Path], None], str, str, str]] = {
     "Parquet": (write_parquet, "a.parquet", "{joint}", "t"),
-    "MATLAB": (write_matlab, "a.mat", "run.q:{k}", "run.t"),
     "timeseries of MATLAB": (write_timeseries, "a.mat", "run.Data_:{k}", "run.TimeInfo.Time_"),
     "table of MATLAB": (write_matlab_table, "a.mat", "run.{joint}", "run.t"),
-    "Excel": (write_excel, "a.xlsx", "{joint}", "t"),
     "two sheets": (write_two_sheets, "a.xlsx", "Sheet.{joint}", "Sheet.t"),
     "JSON": (write_json, "a.mcap", "crane.joints:{k}", "crane.time"),
     "log of cranectl": (write_log_of_cranectl, "a.mcap", "mujoco/state.{signal}", "mujoco/state.time"),
@@ -337,12 +312,6 @@ def test_a_large_file_is_refused_before_it_is_read(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("cranectl.tools.measured.tables.MAX_FILE_BYTES", 1000)
     with pytest.raises(InputError, match="GiB"):
         plain(tmp_path)
-
-
-def test_a_file_of_another_kind_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(b"TDSm\x0e\0\0\0")
-    with pytest.raises(InputError, match="a TDMS file of LabVIEW"):
-        imported(tmp_path / "a.csv", mapping=mapping())
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Every format that laboratories write is read with the truth in it, or refused by its name.
 
+`tests/reference/test_foreign_tables.py` has more texts, for the same reader.
 Other libraries write these files: h5py, SciPy, mat-io, openpyxl, mcap and zipfile; or bytes by hand.
 """
 
@@ -94,21 +95,17 @@ T, X = "t", "{joint}"
 # What writes a text, the column of times, the columns of joints, and keys of the map.
 TEXTS: dict[str, tuple[Write, str | int, str, dict[str, Any]]] = {
     "decimal commas in every cell": (text(GERMAN, lines(";", ",")), 1, "#", {}),
-    "tabs and commas": (text("\t".join(NAMES), lines("\t", ",")), T, X, {}),
     "blanks": (text("# " + " ".join(NAMES), lines("  ")), T, X, {}),
     "blanks without names": (text("", lines(" ")), 1, "#", {}),
     "quoted names": (text(",".join(f'"{name}"' for name in NAMES)), T, X, {}),
     "semicolons at the ends": (text(";".join(NAMES), [f"{row};" for row in lines(";")]), T, X, {}),
     "Windows": (text(encoding="utf-8-sig", end="\r\n"), T, X, {}),
     "old Mac": (text(end="\r"), T, X, {}),
-    "UTF-16": (text(GERMAN, lines(";", ","), encoding="utf-16"), "Zeit", "#", {}),
-    "UTF-16 without a mark": (text(encoding="utf-16-le", end="\r\n"), T, X, {}),
     "UTF-16, high byte first": (text(encoding="utf-16-be"), T, X, {}),
     "Latin-1 after megabytes": (
         text(f"{','.join(NAMES)},remark", remarked(), encoding="latin-1"), T, X, {}),
     "scope of TwinCAT": (
         text(f"{SCOPE}{';'.join(NAMES)}\ns;m;m;m;rad;rad", lines(";", ",")), T, X, {}),
-    "line of units": (text(f"{','.join(NAMES)}\n(s),(m),(m),(m),(rad),(rad)"), T, X, {}),
     "LabVIEW measurement": (text(LVM + "\t".join(NAMES), lines("\t")), T, X, {}),
     "TracerDAQ": (text(f"{TRACER}{DAQ}", tracer()), "Date/Time", X, {}),
     "German time stamps": (
@@ -418,8 +415,6 @@ REFUSED: dict[str, tuple[bytes | Write, str]] = {
     "socket": (unix_socket, "is a device, not a file"),
     "directory": (lambda path: path.mkdir(), "Is a directory"),
     "nothing": (b"", "is empty"),
-    "names without rows": (b"t,x,y\n", "has no line of numbers; its first line is 't,x,y'"),
-    "bars": (b"t|x|y\n0|1|2\n", "bars separate the columns of 't|x|y'"),
     "a line of 3 MB": (b"t,x\n0," + b"1" * 3_000_000 + b"\n", "has a line of more than 1 MiB"),
     "megabytes without an end of line": (b"1;" * 2**20, "has a line of more than 1 MiB"),
 }

@@ -15,7 +15,6 @@ from cranectl.compare.runs import compare_runs
 from cranectl.log.reader import read_log
 from cranectl.log.scene import MAX_FRAMES, MAX_TRAILS, scene_streams
 from cranectl.log.writer import write_log
-from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -24,6 +23,7 @@ from cranectl.tools.measured.experiment import CHANNELS
 from cranectl.tools.measured.replay import Replay, _parted, default_replay, with_longer_steps
 from tests.cli.suggestions import execute, suggested_commands
 from tests.plants.own_models import MODELS
+from tests.reference.recordings import scenario_of
 from tests.tools.measured import hidden
 from tests.tools.measured.crane import COMMANDS, columns, imported, mapping, truth, write_csv
 
@@ -233,18 +233,8 @@ def test_a_measured_path_becomes_a_reference(topic: str, axes: tuple[str, ...], 
     write_log(tmp_path / "a.mcap", [run])
     path = np.column_stack([run.signal(name) for name in axes])
     path[:, 2] = -np.abs(path[:, 2])
-    (tmp_path / "again.toml").write_text(
-        f"""name = "again"
-duration = 10.0
-[reference]
-start = {path[0].tolist()}
-[[reference.segments]]
-kind = "samples"
-file = "a.mcap"
-topic = "{topic}"
-"""
-    )
-    again = simulate_run(load_scenario(tmp_path / "again.toml"), plant="analytic", controller="lqr")
+    segment = f"kind = 'samples'\nfile = 'a.mcap'\ntopic = '{topic}'"
+    again = simulate_run(scenario_of(tmp_path, segment, path[0].tolist()), plant="analytic", controller="lqr")
     expected = np.column_stack([np.interp(again.time, run.time, values) for values in path.T])
     assert np.abs(again.reference[:, :3] - expected).max() < 1e-3
 
