@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from cranectl.controllers.controller import ROPE_SLACK, Controller, Nominal, Sizes
 from cranectl.controllers.flat import RUNNING, regularity
-from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.preparation import prepared
+from cranectl.controllers.registry import OPEN
 from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
