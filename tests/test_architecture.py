@@ -127,6 +127,19 @@ def test_help_imports_no_heavy_package() -> None:
     assert last_line(script) == "HEAVY []"
 
 
+def test_list_loads_names_and_titles_only() -> None:
+    """It reads them without what checks scenarios, computes controllers or simulates plants."""
+    script = (
+        "import sys; from cranectl.cli.main import main\n"
+        "assert main(['list']) == 0\n"
+        f"print('HEAVY', [name for name in {(*HEAVY, 'numpy')!r} if name in sys.modules])\n"
+        "print('LOADED', *[name for name in sys.modules if name.partition('.')[0] == 'cranectl'])"
+    )
+    heavy, loaded = python(script).stdout.splitlines()[-2:]
+    assert heavy == "HEAVY []"
+    assert len(loaded.split()[1:]) <= 25, loaded
+
+
 def test_a_command_loads_no_module_of_another_command() -> None:
     """Neither do the list of all commands and the suggestion for a misspelt command."""
     script = (

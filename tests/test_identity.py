@@ -19,12 +19,12 @@ from cranectl.campaign.load import load_campaign
 from cranectl.campaign.manifest import differences, manifest_of, software_of
 from cranectl.compare import Differences
 from cranectl.controllers.controller import Controller
-from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import ALL_CONTROLLERS, register_controller
+from cranectl.controllers.registry import ALL_CONTROLLERS, OPEN, register_controller
 from cranectl.loaders.opening import ControllerFile, close_controllers, complete_copy_of, open_controller
 from cranectl.planning import load_scenario, plan
+from cranectl.plants.entry import PlantEntry
 from cranectl.plants.mujoco.own_model import open_model
-from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.plants.registry import PLANTS
 from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import TOML

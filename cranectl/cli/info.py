@@ -126,7 +126,7 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases import RunSummary
     from cranectl.log import origins
-    from cranectl.planning.review import add_claims
+    from cranectl.planning import add_claims
     from cranectl.report.run.differences import what_differs
     from cranectl.report.run.tables import run_table
     from cranectl.support import Provenance
@@ -156,7 +156,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
     from cranectl.compare import Agreement, judge
     from cranectl.log import origins
-    from cranectl.planning.review import add_claims
+    from cranectl.planning import add_claims
     from cranectl.plants import PhysicsStep
     from cranectl.report.run.differences import settings_table
     from cranectl.support import Provenance

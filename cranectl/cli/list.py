@@ -1,6 +1,7 @@
 """`cranectl list`, and the JSON Schemas of `--schema`."""
 
 import json
+import tomllib
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import click
 from cranectl.cli.command import Command, json_option
 from cranectl.cli.output import Screen
 from cranectl.report.table import Table, cells
+from cranectl.support import Shipped
 
 if TYPE_CHECKING:
     from cranectl.controllers import Parameter
@@ -51,18 +53,42 @@ def list_command(screen: Screen) -> None:
     """
     from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.plants import DRIVES, PLANTS
-    from cranectl.scenario import read_scenario, rig_names, scenario_names
 
-    scenarios = [read_scenario(name) for name in scenario_names()]
-    rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
+    default = next(iter(ALL_CONTROLLERS))
+    headings = [_heading(name, default) for name in Shipped.SCENARIOS.names()]
+    rows = tuple(
+        cells(h["name"], f"{h['duration']:g} s", _name(h["controller"]), h["title"]) for h in headings
+    )
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     controllers = [(name, origin, title) for name, (origin, title) in ALL_CONTROLLERS.described().items()]
     rows = tuple(cells(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
-    registries = {"rigs": rig_names(), "plants": [*PLANTS], "drives": [*DRIVES]}
+    registries = {"rigs": Shipped.RIGS.names(), "plants": [*PLANTS], "drives": [*DRIVES]}
     screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())
-    listed = [s.model_dump(include={"name", "title", "duration", "controller"}) for s in scenarios]
-    screen.write_json({"scenarios": listed, "controllers": [name for name, *_ in controllers], **registries})
+    names = [name for name, *_ in controllers]
+    screen.write_json({"scenarios": headings, "controllers": names, **registries})
+
+
+def _name(controller: str | dict[str, Any]) -> str:
+    """Return the name of a controller, which stands alone or in a table with its parameters."""
+    return controller if isinstance(controller, str) else str(controller["name"])
+
+
+def _heading(name: str, default_controller: str) -> dict[str, Any]:
+    """Return name, title, duration [s] and controller of a shipped scenario, as its file states them.
+
+    Only a scenario that leaves more than its controller to the defaults is read in full: that takes a second.
+    """
+    table = tomllib.loads(Shipped.SCENARIOS.file(name).read_text(encoding="utf-8"))
+    controller = table.get("controller", default_controller)
+    if isinstance(controller, dict) and controller.keys() == {"name"}:
+        controller = controller["name"]
+    if {"name", "title", "duration"} <= table.keys() and isinstance(controller, str):
+        stated = {"name": table["name"], "title": table["title"], "duration": float(table["duration"])}
+        return {**stated, "controller": controller}
+    from cranectl.scenario import read_scenario
+
+    return read_scenario(name).model_dump(include={"name", "title", "duration", "controller"})
 
 
 def json_schema(document: str) -> dict[str, Any]:

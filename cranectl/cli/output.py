@@ -15,22 +15,16 @@ from typing import TYPE_CHECKING, Any, TextIO
 from rich import box
 from rich.console import Console
 from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Column
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
 from cranectl.report.table import Table
-from cranectl.support import File, Tree, in_background, printable
+from cranectl.support import File, in_background, printable
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
+
     from cranectl.report.page import Page
     from cranectl.support import JUnitCase
 
@@ -74,6 +68,8 @@ class Screen(Console):
         """Write `data` to the requested file, if any; `-` is standard output."""
         if self._json_file is None:
             return
+        from cranectl.support import Tree
+
         text = json.dumps(Tree(data).mapped(_finite), indent=2)
         if self._json_file == "-":
             print(text)
@@ -193,8 +189,10 @@ def screen_table(table: Table) -> ScreenTable:
 
 
 @contextmanager
-def progress(*columns: ProgressColumn) -> Iterator[Progress]:
+def progress(*columns: "ProgressColumn") -> "Iterator[Progress]":
     """Show progress on standard error: a bar on a terminal, else a line every few seconds."""
+    from rich.progress import Progress
+
     screen = Screen(stderr=True)
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
         if screen.is_terminal:
@@ -217,11 +215,13 @@ def progress(*columns: ProgressColumn) -> Iterator[Progress]:
             printed.wait(LINE_EVERY)
 
 
-def _print_lines(shown: Progress, ended: threading.Event, stream: TextIO) -> None:
+def _print_lines(shown: "Progress", ended: threading.Event, stream: TextIO) -> None:
     """Print what the columns of text and counts say of each task when it changes, until `ended`.
 
     A line that has not changed for long is printed again, with the time so far.
     """
+    from rich.progress import MofNCompleteColumn, TextColumn
+
     columns = [column for column in shown.columns if isinstance(column, TextColumn | MofNCompleteColumn)]
     printed: dict[int, tuple[str, int]] = {}  # by task: its last text, and when
     for now in count(1):
@@ -254,6 +254,8 @@ def progress_bar(
 
     `text` is what it says, from then on where `advance` is given one.
     """
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -19,11 +19,11 @@ from .observer import initial_estimate as initial_estimate
 from .observer import make_observer as make_observer
 from .observer import observe as observe
 from .observer import predict as predict
-from .open_controllers import SharedControllers as SharedControllers
 from .preparation import linearised as linearised
 from .preparation import prepared as prepared
 from .preparation import real_numbers as real_numbers
 from .registry import ALL_CONTROLLERS as ALL_CONTROLLERS
+from .registry import SharedControllers as SharedControllers
 from .registry import controller_names as controller_names
 from .registry import register_controller as register_controller
 from .repeated import repeated_commands as repeated_commands

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from cranectl.controllers.controller import ROPE_SLACK, Controller, Nominal, Sizes
 from cranectl.controllers.flat import RUNNING, regularity
-from cranectl.controllers.open_controllers import OPEN
 from cranectl.controllers.preparation import prepared
+from cranectl.controllers.registry import OPEN
 from cranectl.model import AxisMasses, axis_masses, flat_output
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
-from cranectl.support import Array, CompiledStep, ForeignCode, InputError, jit
+from cranectl.support import Array, CompiledStep, InputError, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -88,6 +88,8 @@ class CompiledController(NamedTuple):
         """Return the controller with the address of its step in this process."""
         if self.address:
             return self
+        from cranectl.support import ForeignCode
+
         # Not before: an address is good in one process only, and a controller may be prepared in another.
         entry, sizes = OPEN.entries[self.entry]
         with ForeignCode.environment_kept():
@@ -113,7 +115,11 @@ def _compiled(controller: Controller) -> int:
             allowed="Python that Numba compiles: numbers, items of the five arrays, functions of math",
             remedy=f"correct {where}",
         ) from error
-    return address if controller.origin is None else ForeignCode.keeping_environment(address)
+    if controller.origin is None:
+        return address
+    from cranectl.support import ForeignCode
+
+    return ForeignCode.keeping_environment(address)
 
 
 def _memories() -> dict[str, Any]:

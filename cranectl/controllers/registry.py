@@ -1,19 +1,25 @@
-"""The list of all controllers: the flat family by its designs, the others by their modules."""
+"""The list of all controllers: the flat family by its designs, the others by their modules.
 
+Names and titles are known without importing what computes, so that `cranectl list` answers at once.
+"""
+
+import ast
 import functools
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cranectl.controllers.open_controllers import OPEN
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
-from cranectl.design import ControllerDesign
-from cranectl.scenario import Scenario
-from cranectl.support import Arguments, Extensions, InputError, Provenance
+from cranectl.design import TITLES as FLAT_TITLES
+from cranectl.support import Extensions, InputError
 
 if TYPE_CHECKING:
-    from cranectl.controllers.controller import Controller
+    from cranectl.controllers.controller import Controller, Sizes
+    from cranectl.design import ControllerDesign
+    from cranectl.scenario import Scenario
+    from cranectl.support import Array
 
 WHERE = {  # module and name of each controller, imported at first use
     "pid": "cranectl.controllers.pid:PID",
@@ -24,12 +30,72 @@ WHERE = {  # module and name of each controller, imported at first use
 ENDINGS = (".py", ".so", ".dylib", ".dll", ".fmu", ".toml")  # of files with controllers
 
 
+class SharedControllers(NamedTuple):
+    """Data with which another process can open the same controllers."""
+
+    files: tuple[Any, ...]  # of `loaders.opening.ControllerFile`
+    folder: Path | None = None  # of copies of the files; None for a process on another machine
+
+
+class OpenControllers:
+    """The controllers that modules have registered in this process, or that it has opened from files.
+
+    The command line and the API add to them; children get a share.
+    """
+
+    def __init__(self) -> None:
+        self.registered: dict[str, Controller] = {}  # by name, including controllers from files
+        self.files: dict[str, Any] = {}  # `loaders.opening.ControllerFile` by name of the controller
+        self.versions: dict[tuple[str, str], Controller] = {}  # those from files, by name and SHA-256
+        # Functions that give an address to a step that Numba does not compile: `CompiledController.entry`.
+        self.entries: list[tuple[Callable[[Sizes, Array], int], Sizes]] = []
+        self._folder: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Folder with copies of files. It exists while this process runs, or the parent that shares it."""
+        from cranectl.support import temporary_directory
+
+        if self._folder is None or not self._folder.is_dir():
+            self._folder = temporary_directory("controllers")
+        return self._folder
+
+    def share(self, names: Iterable[str] | None = None) -> SharedControllers:
+        """Return the data for a child process to open the controllers `names`, by default all from files."""
+        selected = self.files if names is None else names
+        files = tuple(self.files[name] for name in selected if name in self.files)
+        return SharedControllers(files, self.folder if files else None)
+
+    def take_folder(self, folder: Path | None) -> None:
+        """Keep copies in the folder of the parent process."""
+        self._folder = folder or self._folder
+
+
+OPEN = OpenControllers()
+
+
 @functools.cache
 def _added() -> dict[str, "Controller"]:
     """Return the controllers of other packages."""
+    if not Extensions.CONTROLLERS.entries:
+        return {}
     from cranectl.controllers.controller import Controller
 
     return Extensions.CONTROLLERS.join({}, Controller, taken=(*FLAT_FAMILY, *WHERE))
+
+
+def _stated_title(where: str) -> str:
+    """Return the title that the module of a controller states; to import the module would take a second."""
+    module, _, name = where.partition(":")
+    file = Path(__file__).with_name(f"{module.rpartition('.')[2]}.py")
+    calls = [
+        node.value
+        for node in ast.parse(file.read_bytes()).body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+        if ast.unparse(node.targets[0]) == name
+    ]
+    (title,) = (keyword.value for call in calls for keyword in call.keywords if keyword.arg == "title")
+    return str(ast.literal_eval(title))
 
 
 def _registered(names: Iterable[str]) -> list["Controller"]:
@@ -91,7 +157,7 @@ class Controllers(Mapping[str, "Controller"]):
             return tuple(self)
         return tuple(map(self.checked, selected)) or FLAT_FAMILY
 
-    def design(self, name: str, scenario: Scenario) -> ControllerDesign:
+    def design(self, name: str, scenario: "Scenario") -> "ControllerDesign":
         """Return `name` with the settings of `scenario`; raise InputError for bad names and settings."""
         self.checked(name)
         names = [other for other in self if other not in FLAT_FAMILY]
@@ -102,7 +168,7 @@ class Controllers(Mapping[str, "Controller"]):
         stated = scenario.controller.parameters.get(name, {})
         return controller.designed(stated, scenario.rig.design_scale)
 
-    def of_design(self, design: ControllerDesign) -> "Controller":
+    def of_design(self, design: "ControllerDesign") -> "Controller":
         """Return the controller that runs `design`; from a file, the version with the same content.
 
         All designs of the flat family run the same code, also one whose gains were set by hand.
@@ -115,9 +181,10 @@ class Controllers(Mapping[str, "Controller"]):
 
     def described(self) -> dict[str, tuple[str, str]]:
         """Return the origin and a one-line description of each controller, by name."""
-        described = {}
-        origins = {**dict.fromkeys((*FLAT_FAMILY, *WHERE), "cranectl"), **Extensions.CONTROLLERS.packages()}
-        for name, controller in self.items():
+        own = {**FLAT_TITLES, **{name: _stated_title(where) for name, where in WHERE.items()}}
+        described = {name: ("cranectl", title) for name, title in own.items()}
+        origins = Extensions.CONTROLLERS.packages()
+        for name, controller in {**_added(), **OPEN.registered}.items():
             described[name] = (
                 controller.origin.reference if controller.origin else origins.get(name, "this process"),
                 controller.title,
@@ -131,6 +198,8 @@ class Controllers(Mapping[str, "Controller"]):
 
     def digests(self, names: Iterable[str]) -> dict[str, str]:
         """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
+        from cranectl.support import Provenance
+
         return {
             f"law {controller.name}": controller.code[: Provenance.DIGITS]
             for controller in _registered(names)
@@ -139,6 +208,8 @@ class Controllers(Mapping[str, "Controller"]):
 
     def sources(self, names: Iterable[str]) -> dict[str, str]:
         """Return source digests of those of `names` that a module has registered in this process."""
+        from cranectl.support import Provenance
+
         own = [controller for controller in _registered(names) if not controller.origin]
         functions = [function for controller in own for function in (controller.step, controller.prepare)]
         return Provenance.sources_of(getattr(function, "__module__", "cranectl") for function in functions)
@@ -167,6 +238,7 @@ def register_controller(controller: "Controller") -> None:
         If another controller has its name, or it is no Controller.
     """
     from cranectl.controllers.controller import Controller
+    from cranectl.support import Arguments
 
     Arguments.check("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one

@@ -1,9 +1,9 @@
-from .controllers import CONTROLLERS as CONTROLLERS
-from .controllers import TITLES as TITLES
 from .controllers import design_controller as design_controller
 from .discretisation import check_sampled as check_sampled
 from .discretisation import diagonal as diagonal
 from .discretisation import zero_order_hold as zero_order_hold
+from .family import CONTROLLERS as CONTROLLERS
+from .family import TITLES as TITLES
 from .linear_systems import closed_loop_poles as closed_loop_poles
 from .loop_shaping import error_weight as error_weight
 from .records import ControllerDesign as ControllerDesign

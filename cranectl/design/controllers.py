@@ -1,4 +1,4 @@
-"""The controllers of the flat family, named FEEDBACK or FEEDBACK+ROBUSTIFIER, and how they are designed.
+"""Design a controller of the flat family.
 
 A design depends only on its settings, this program and its libraries. It is stored on disk, since importing
 the libraries that compute it takes longer than most runs.
@@ -7,25 +7,10 @@ the libraries that compute it takes longer than most runs.
 import functools
 import json
 
+from cranectl.design.family import CONTROLLERS
 from cranectl.design.records import NO_ROBUSTIFIER, Design, Margins, Robustifier
 from cranectl.scenario import DesignSettings
 from cranectl.support import Arguments, InputError, kept
-
-FEEDBACKS = {
-    "pole-placement": "flatness-based tracker, poles placed",
-    "lqr": "flatness-based tracker, linear-quadratic regulator",
-}
-ROBUSTIFIERS = {
-    "": "",
-    "hinf": ", robustified by mixed sensitivity",
-    "loop-shaping": ", robustified by loop shaping",
-}
-TITLES = {  # what each controller of the flat family is, in words, by its name
-    f"{feedback}+{robustifier}".rstrip("+"): title + by
-    for feedback, title in FEEDBACKS.items()
-    for robustifier, by in ROBUSTIFIERS.items()
-}
-CONTROLLERS = tuple(TITLES)  # names of the flat family
 
 
 @Arguments.checked

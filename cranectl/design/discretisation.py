@@ -1,9 +1,11 @@
-"""Sample a robustifier exactly for a held input, and check that the sampled loop is stable."""
+"""Sample a robustifier exactly for a held input, and check that the sampled loop is stable.
+
+SciPy is imported where it computes: commands that read logs load this file, but design nothing.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag, expm
 
 from cranectl.support import Array, InputError
 
@@ -43,6 +45,8 @@ class SampledBlocks(NamedTuple):
 
 def zero_order_hold(a: Array, b: Array, period: float) -> tuple[Array, Array]:
     """Return A and B of x' = A x + B u, b (n, m), sampled exactly with the input held over `period` [s]."""
+    from scipy.linalg import expm
+
     n, m = b.shape
     exponential = expm(period * np.block([[a, b], [np.zeros((m, n + m))]]))
     return exponential[:n, :n], exponential[:n, n:]
@@ -54,6 +58,8 @@ def sampled_blocks(a: Array, b: Array, c: Array, d: float, period: float) -> Sam
     Stiff modes decay within a sample and integrators stay integrators, so nothing can ring. If the number of
     poles is odd, the last one shares its block with a state that has no effect.
     """
+    from scipy.linalg import block_diag
+
     if len(a) % 2:
         a, b, c = block_diag(a, -1.0), np.append(b, 0.0), np.append(c, 0.0)
     n = len(a) // 2
@@ -78,5 +84,7 @@ def check_sampled(name: str, loop: Array, period: float, *, remedy: str) -> None
 
 def diagonal(blocks: Array | list[Array]) -> Array:
     """Return the block-diagonal matrix of `blocks`, (0, 0) if there are none, unlike SciPy's."""
+    from scipy.linalg import block_diag
+
     matrix: Array = block_diag(*blocks) if len(blocks) else np.zeros((0, 0))
     return matrix

@@ -179,7 +179,7 @@ class ControllerDesign:
     def flat(self) -> "Design":
         """The linear design of one axis of the load; raises InputError for a controller without one."""
         if self.axis_design is None:
-            from cranectl.design.controllers import CONTROLLERS
+            from cranectl.design.family import CONTROLLERS
 
             raise InputError(
                 f"'{self.name}' has no linear design of one axis of the load, on which this judgement rests",

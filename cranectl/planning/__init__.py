@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.scenario import Scenario, read_scenario, scenario_file
+from cranectl.scenario import BlendedPath, Scenario, Segment, Spline, read_scenario, scenario_file
 from cranectl.support import Arguments
 
 
@@ -51,3 +51,28 @@ def plan_motions(scenario: Scenario, directory: Path = Path()) -> Scenario:
     from cranectl.planning.plan import plan_segments  # slow to import, and seldom needed
 
     return plan_segments(scenario, directory)
+
+
+def describe_planning(segment: Segment) -> str:
+    """Describe how a segment was planned, or return an empty text if it was not."""
+    if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
+        return "a move in minimum time"
+    if segment.planned_law is None:
+        return ""
+    if isinstance(segment, BlendedPath):
+        return "a path with blended corners in minimum time"
+    has_points = isinstance(segment, Spline) and segment.made_from
+    return f"{'way points' if has_points else f'a given {segment.kind}'} in minimum time"
+
+
+def add_claims(scenario: Scenario) -> Scenario:
+    """Return the scenario whose planned segments carry summaries of their reviews."""
+    segments = list(scenario.reference.segments)
+    if not any(map(describe_planning, segments)):
+        return scenario
+    from cranectl.planning.review import reviews
+
+    for review in reviews(scenario):
+        segments[review.segment] = segments[review.segment].claiming(review.summary)
+    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
+    return scenario.model_copy(update={"reference": reference})

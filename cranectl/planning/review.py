@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.planning import plan_motions
+from cranectl.planning import describe_planning, plan_motions
 from cranectl.planning.checks import least_times
 from cranectl.planning.limits import Constraint, constraints, key_of, limits_of, motion
 from cranectl.planning.problem import ToLoad, series_along
@@ -91,15 +91,6 @@ def reviews(scenario: Scenario) -> list[Review]:
     return result
 
 
-def add_claims(scenario: Scenario) -> Scenario:
-    """Return the scenario whose planned segments carry summaries of their reviews."""
-    segments = list(scenario.reference.segments)
-    for review in reviews(scenario):
-        segments[review.segment] = segments[review.segment].claiming(review.summary)
-    reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
-    return scenario.model_copy(update={"reference": reference})
-
-
 def claim_for(segment: Segment, start: Array, scenario: Scenario) -> str:
     """Return the summary of the review of a segment planned from `start` (3,) [m], else an empty text."""
     request = describe_planning(segment)
@@ -120,18 +111,6 @@ def estimate_least_durations(
     if len(coarse) != len(fine):  # one of the plans has stops
         return (float("nan"),) * len(coarse)
     return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
-
-
-def describe_planning(segment: Segment) -> str:
-    """Describe how a segment was planned, or return an empty text if it was not."""
-    if isinstance(segment, Spline) and segment.made_from.get("kind") == "move":
-        return "a move in minimum time"
-    if segment.planned_law is None:
-        return ""
-    if isinstance(segment, BlendedPath):
-        return "a path with blended corners in minimum time"
-    has_points = isinstance(segment, Spline) and segment.made_from
-    return f"{'way points' if has_points else f'a given {segment.kind}'} in minimum time"
 
 
 def curve_of(segment: Segment, start: Array) -> SegmentCurve:

@@ -4,6 +4,7 @@ from .analytic import AnalyticPlant as AnalyticPlant
 from .analytic import observe_load as observe_load
 from .analytic import passive_accelerations as passive_accelerations
 from .differences import jacobian as jacobian
+from .entry import PlantEntry as PlantEntry
 from .mujoco.drawn_rig import DrawnRig as DrawnRig
 from .mujoco.geometry import rig_solids as rig_solids
 from .mujoco.linearisation import Equilibrium as Equilibrium
@@ -15,7 +16,6 @@ from .plant import Drive as Drive
 from .plant import Plant as Plant
 from .plant import StepError as StepError
 from .registry import PLANTS as PLANTS
-from .registry import PlantEntry as PlantEntry
 from .registry import register_plant as register_plant
 from .steps import PhysicsStep as PhysicsStep
 from .surroundings import FORCE as FORCE

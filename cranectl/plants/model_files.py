@@ -3,7 +3,8 @@
 import re
 from pathlib import Path
 
-from cranectl.plants.registry import MAX_PLANT_LABEL, OWN_PLANT, PLANT_COLOURS, PLANTS, PlantEntry
+from cranectl.plants.entry import MAX_PLANT_LABEL, OWN_PLANT, PLANT_COLOURS, PlantEntry
+from cranectl.plants.registry import PLANTS
 from cranectl.support import InputError
 
 LACKED = (

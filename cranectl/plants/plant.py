@@ -2,10 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
-from cranectl.scenario import EffectSettings, RigParameters, Scenario, longest_step
-from cranectl.support import Array, InputError, Quantity
+from cranectl.support import InputError
+
+if TYPE_CHECKING:
+    from cranectl.scenario import EffectSettings, RigParameters
+    from cranectl.support import Array
 
 Drive = Literal["ideal", "velocity", "force"]  # kind of drive
 
@@ -31,11 +34,11 @@ class DriveKind:
         """Whether the axes move as commanded under any force."""
         return self.command == "acceleration"
 
-    def has_signal_path(self, effects: EffectSettings) -> bool:
+    def has_signal_path(self, effects: "EffectSettings") -> bool:
         """Return True if a run needs a signal path: for its effects, or to record the forces of drives."""
         return effects.staged or self.column is None
 
-    def push(self, rig: RigParameters, effects: EffectSettings) -> tuple[Triple, Triple, Triple]:
+    def push(self, rig: "RigParameters", effects: "EffectSettings") -> tuple[Triple, Triple, Triple]:
         """Return gain, damping and holding force [N]: force = gain · command - damping · rate - holding."""
         bridge, trolley, winch = rig.velocity_gains.tolist()
         none, servo = (0.0, 0.0, 0.0), (bridge, trolley, winch)
@@ -84,7 +87,7 @@ class StepError(InputError):
 MAX_RATE_STEP = 2.0  # a rate [1/s] times the step [s]
 
 
-def check_hook(effects: EffectSettings, length: float) -> None:
+def check_hook(effects: "EffectSettings", length: float) -> None:
     """Raise InputError if the rope ends above its hook; `length` [m] is measured to the load."""
     if effects.body and length <= effects.body.hook_offset:
         raise InputError(
@@ -95,13 +98,16 @@ def check_hook(effects: EffectSettings, length: float) -> None:
         )
 
 
-def check_rate(rate: float, effects: EffectSettings, length: float, *, step: float, period: float) -> None:
+def check_rate(rate: float, effects: "EffectSettings", length: float, *, step: float, period: float) -> None:
     """Raise StepError if the integrator would be unstable with poles of modulus up to `rate` [1/s].
 
     The error names the longest step that is stable and divides the control `period` [s]. The rope is
     `length` [m] long.
     """
     if rate * step > MAX_RATE_STEP:
+        from cranectl.scenario import Scenario, longest_step
+        from cranectl.support import Quantity
+
         enough = longest_step(period, MAX_RATE_STEP / rate)
         raise StepError(
             f"a crane with {', '.join(effects.names)} and {length:g} m of rope: something vibrates or decays "
@@ -146,7 +152,7 @@ class Plant(Protocol):
         """The first argument of the kernels, a NamedTuple of numbers and arrays; anything without kernels."""
 
     def __init__(
-        self, rig: RigParameters, *, drive: Drive, step: float, substeps: int, effects: EffectSettings
+        self, rig: "RigParameters", *, drive: Drive, step: float, substeps: int, effects: "EffectSettings"
     ) -> None:
         """Make the plant of a run, with `substeps` integrator steps of `step` [s] in a control period."""
 
@@ -154,7 +160,7 @@ class Plant(Protocol):
     def description(self) -> str:
         """The model of the run, as MJCF or as the name of the module that has the equations."""
 
-    def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
+    def retune(self, rig: "RigParameters", effects: "EffectSettings") -> bool:
         """Take other parameters, as if the plant were made anew; `reset` must follow. Return True if done.
 
         Return False, and change nothing, if effects are switched on or off: that takes a new plant.
@@ -166,13 +172,13 @@ class Plant(Protocol):
         It is called after `reset`, since what damps a rope may depend on its length at the start.
         """
 
-    def reset(self, state: Array) -> None:
+    def reset(self, state: "Array") -> None:
         """Start from `state` (10,) at time zero."""
 
-    def measure(self, state: Array) -> None:
+    def measure(self, state: "Array") -> None:
         """Write the joint positions and velocities (10,) into `state`."""
 
-    def advance(self, command: Array, disturbance: Array, wind: Array, load: Array) -> None:
+    def advance(self, command: "Array", disturbance: "Array", wind: "Array", load: "Array") -> None:
         """Advance by one control period.
 
         Parameters

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from cranectl.plants.capabilities import PARTS, WHOLE_EFFECTS
+from cranectl.plants.entry import PlantEntry
 from cranectl.plants.plant import DRIVES, Drive
-from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.plants.registry import PLANTS
 from cranectl.scenario import EFFECTS, EffectNumbers, EffectSettings, RigParameters
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError

@@ -6,13 +6,15 @@ tracker needs. `degree-5` is the quintic (4.3) of the thesis, C² only. Planned 
 
 import functools
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.interpolate import BPoly, BSpline
 
 from cranectl.scenario import Along, Spline
 from cranectl.support import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BPoly, BSpline
 
 SAMPLE_TOLERANCE = 1e-9  # [s]; times are sums of decimal durations, and one this close to a sample is at it
 REST_DERIVATIVES = {"degree-9": 4, "degree-5": 2}  # number of derivatives that vanish at both ends
@@ -46,10 +48,13 @@ class TimeLaw:
 
 
 @functools.lru_cache(maxsize=256)
-def _polynomials(law: str | tuple[float, ...]) -> tuple[BPoly | BSpline, ...]:
+def _polynomials(law: str | tuple[float, ...]) -> "tuple[BPoly | BSpline, ...]":
     """Return the time law and four derivatives; named laws in the Bernstein basis, exact at both ends."""
     if isinstance(law, str):
         rest = [0.0] * REST_DERIVATIVES[law]
+        # Here, and below: runs without such motions need not wait half a second for this import.
+        from scipy.interpolate import BPoly
+
         curve = BPoly.from_derivatives([0.0, 1.0], [[0.0, *rest], [1.0, *rest]])
     else:
         spans = len(law) - TimeLaw.DEGREE
@@ -57,12 +62,14 @@ def _polynomials(law: str | tuple[float, ...]) -> tuple[BPoly | BSpline, ...]:
     return derivatives(curve)
 
 
-def spline(breaks: Array, coefficients: Array, degree: int) -> BSpline:
+def spline(breaks: Array, coefficients: Array, degree: int) -> "BSpline":
     """Return the B-spline with simple knots at `breaks` and `coefficients` (n,) or (n, 3)."""
+    from scipy.interpolate import BSpline
+
     ends = (np.full(degree, breaks[0]), breaks, np.full(degree, breaks[-1]))
     return BSpline(np.concatenate(ends), coefficients, degree, extrapolate=False)
 
 
-def derivatives(curve: BPoly | BSpline, orders: int = 5) -> tuple[BPoly | BSpline, ...]:
+def derivatives(curve: "BPoly | BSpline", orders: int = 5) -> "tuple[BPoly | BSpline, ...]":
     """Return a curve and its first derivatives, `orders` functions in all."""
     return tuple(curve if order == 0 else curve.derivative(order) for order in range(orders))

@@ -2,11 +2,10 @@
 
 import functools
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from cranectl.reference.time_laws import SAMPLE_TOLERANCE, TimeLaw, derivatives, spline
 from cranectl.scenario import (
@@ -21,6 +20,9 @@ from cranectl.scenario import (
     Spline,
 )
 from cranectl.support import Array, InputError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 JUMP_TOLERANCE = 1e-9  # of the largest value of a derivative, or of 1; smaller jumps are rounding
 BEFORE_END = 1e-3  # share of a segment's duration: so long before its end its direction is taken
@@ -117,7 +119,7 @@ class SplinePath:
         return float(self.breaks[-1])
 
     @functools.cached_property
-    def _curves(self) -> tuple[BSpline, ...]:
+    def _curves(self) -> "tuple[BSpline, ...]":
         curves: tuple[BSpline, ...] = derivatives(spline(self.breaks, self.coefficients, self.degree))
         return curves
 

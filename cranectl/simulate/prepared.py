@@ -12,7 +12,6 @@ from cranectl.controllers import (
     LinearController,
     Nominal,
     linearised,
-    repeated_commands,
 )
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive
@@ -69,6 +68,8 @@ class PreparedController:
         scenario, padded = plan.scenario, np.zeros((len(rows), len(SignalGroup.REFERENCE)))
         padded[:, : rows.shape[1]] = rows
         if isinstance(controller, str):
+            from cranectl.controllers import repeated_commands
+
             controller = repeated_commands(DRIVES[drive].command, controller)
         period = scenario.period_ns / NANOSECONDS
         nominal = Nominal(scenario.limited_rig, drive, period, padded, plan.initial_state, {})

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoints, entry_points
 from typing import Any, ClassVar
 
 from cranectl.support.errors import InputError
@@ -20,13 +20,18 @@ class Extensions:
     SEGMENTS: ClassVar["Extensions"]  # kinds of segments
     EXPORTERS: ClassVar["Extensions"]  # formats of export
 
+    @property
+    def entries(self) -> EntryPoints:
+        """The entry points of the group, which are not loaded."""
+        return entry_points(group=self.group)
+
     def join(self, own: Mapping[str, Any], kind: type[Any], *, taken: Collection[str] = ()) -> dict[str, Any]:
         """Return the objects `own` by name, then those that installed packages declare.
 
         Raises InputError for an object that cannot be loaded, is no `kind`, or has a name already in use.
         """
         objects = dict(own)
-        for entry in sorted(entry_points(group=self.group), key=lambda entry: entry.name):
+        for entry in sorted(self.entries, key=lambda entry: entry.name):
             try:
                 added = entry.load()
                 if not isinstance(added, kind):
@@ -45,7 +50,7 @@ class Extensions:
     def packages(self) -> dict[str, str]:
         """Return the package and version that provides each object, by name of the object."""
         origins = {}
-        for entry in entry_points(group=self.group):
+        for entry in self.entries:
             origin = f"{entry.dist.name} {entry.dist.version}" if entry.dist else entry.value
             origins[entry.load().name] = origin
         return origins

@@ -213,7 +213,7 @@ CASES: Cases = {
         Case("{}, or leave the effect out", f"{RUN} analytic --drive velocity --set effects.rope={{}}",
              f"{RUN} elastic,mujoco --drive velocity --set effects.rope={{}}"),
     ],
-    "plants/registry.py": [
+    "plants/entry.py": [
         Case("take '--plants {}', and {} for single runs", "campaign run many.toml --plants drake",
              "campaign run many.toml --plants mujoco"),
     ],

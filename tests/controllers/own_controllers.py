@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cranectl.controllers.controller import Controller, Logged, Nominal, Parameter
-from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import register_controller
+from cranectl.controllers.registry import OPEN, register_controller
 from cranectl.signals import Signal
 
 INPUTS = 12 + 3 * 15 + 1  # measured, three rows of the reference, steps so far

@@ -9,6 +9,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.controllers.controller import Controller, Logged, Parameter
 from cranectl.controllers.preparation import linearised, prepared
+from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.loaders.opening import open_controller
 from cranectl.signals import Signal
 from cranectl.support.errors import InputError
@@ -22,6 +23,12 @@ def controller(**declared: Any) -> Controller:
     return Controller(
         **{"name": "own", "title": "own", "step": Controller.called_by_address, "prepare": pair, **declared}
     )
+
+
+def test_titles_are_those_of_the_declarations() -> None:
+    """They are listed without loading what computes."""
+    listed = {name: title for name, (origin, title) in ALL_CONTROLLERS.described().items()}
+    assert listed == {name: controller.title for name, controller in ALL_CONTROLLERS.items()}
 
 
 def logged(index: Any, name: Any = "x") -> tuple[Logged, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.controllers.open_controllers import OPEN
+from cranectl.controllers.registry import OPEN
 from cranectl.loaders.opening import close_controllers
 from tests.conftest import ROOT
 from tests.tools.export.loaders.fmu_files import fmu

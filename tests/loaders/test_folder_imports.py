@@ -12,8 +12,7 @@ import pytest
 
 from cranectl.campaign.results import PARTS
 from cranectl.cli.main import main
-from cranectl.controllers.open_controllers import OPEN, SharedControllers
-from cranectl.controllers.registry import ALL_CONTROLLERS
+from cranectl.controllers.registry import ALL_CONTROLLERS, OPEN, SharedControllers
 from cranectl.loaders.opening import close_controllers, open_again, open_controller
 from cranectl.simulate import simulate_run
 from cranectl.support.errors import InputError

@@ -5,8 +5,7 @@ from math import inf
 from pathlib import Path
 
 from cranectl import open_controller
-from cranectl.controllers.open_controllers import OPEN, OpenControllers, SharedControllers
-from cranectl.controllers.registry import ALL_CONTROLLERS
+from cranectl.controllers.registry import ALL_CONTROLLERS, OPEN, OpenControllers, SharedControllers
 from cranectl.loaders.opening import copy_of, open_again
 from cranectl.support.children import Child
 from cranectl.support.parent import Parent

@@ -7,8 +7,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.controllers.controller import Controller, Logged
-from cranectl.controllers.open_controllers import OPEN
-from cranectl.controllers.registry import register_controller
+from cranectl.controllers.registry import OPEN, register_controller
 from cranectl.design.records import ControllerDesign, Origin
 from cranectl.loaders.opening import close_controllers
 from cranectl.log import topics

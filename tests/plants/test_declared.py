@@ -9,9 +9,10 @@ from cranectl.campaign.load import load_campaign
 from cranectl.planning import load_scenario
 from cranectl.plants.analytic import AnalyticPlant
 from cranectl.plants.elastic.plant import ElasticPlant
+from cranectl.plants.entry import PlantEntry
 from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES
-from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.plants.registry import PLANTS
 from cranectl.plants.trials import check_honest
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.plants import registry
-from cranectl.plants.registry import PLANTS, PlantEntry, Plants, register_plant
+from cranectl.plants import entry as declarations
+from cranectl.plants.entry import PlantEntry
+from cranectl.plants.registry import PLANTS, Plants, register_plant
 from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 
@@ -25,7 +26,7 @@ def test_a_plant_is_what_its_entry_says(name: str) -> None:
 
 @pytest.fixture
 def without_extras(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "find_spec", lambda _: None)
+    monkeypatch.setattr(declarations, "find_spec", lambda _: None)
 
 
 @pytest.mark.usefixtures("without_extras", "in_empty_directory")

@@ -15,7 +15,8 @@ import cranectl
 from cranectl.cli.main import main
 from cranectl.compare import Agreement
 from cranectl.log.overlay import Log
-from cranectl.plants.registry import PLANTS, PlantEntry
+from cranectl.plants.entry import PlantEntry
+from cranectl.plants.registry import PLANTS
 from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 from cranectl.support.units import Quantity

@@ -19,9 +19,9 @@ from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.metrics import Limits, LimitVerdict, run_metrics
 from cranectl.planning import load_scenario
+from cranectl.plants.entry import PlantEntry
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
-from cranectl.plants.registry import PlantEntry
 from cranectl.scenario import Scenario
 from cranectl.scenario.load import read_scenario
 from cranectl.scenario.rig import ModelNames

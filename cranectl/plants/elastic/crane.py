@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import RK45
 
 from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
@@ -24,10 +23,18 @@ from cranectl.support import Array
 
 STRETCH, STRETCH_RATE, BODY, SPIN, RAILS, STATES = 10, 11, 12, 15, 18, 22
 JOINTS = 5  # bridge, trolley, winch, alpha, beta; joint i has its position at 2 i and its rate at 2 i + 1
-# The method of Dormand and Prince of order 5, with SciPy's coefficients: Hairer, Nørsett, Wanner: Solving
-# Ordinary Differential Equations I, 2nd ed., table II.5.2.
-STAGES = RK45.n_stages
-A, B = np.ascontiguousarray(RK45.A[:STAGES, :STAGES]), np.ascontiguousarray(RK45.B)
+# The method of Dormand and Prince of order 5: Hairer, Nørsett, Wanner: Solving Ordinary Differential
+# Equations I, 2nd ed., table II.5.2. Written out, because importing SciPy's takes half a second.
+A = np.array([
+    [0, 0, 0, 0, 0],
+    [1 / 5, 0, 0, 0, 0],
+    [3 / 40, 9 / 40, 0, 0, 0],
+    [44 / 45, -56 / 15, 32 / 9, 0, 0],
+    [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0],
+    [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656],
+])  # fmt: skip
+B = np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84])
+STAGES = len(A)
 MIN_ROPE = 1e-3  # [m] of rope for its stiffness, which would be infinite for a rope that is wound in
 
 

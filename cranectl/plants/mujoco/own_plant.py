@@ -9,13 +9,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from cranectl.plants.entry import PlantEntry
 from cranectl.plants.mujoco.own_check import find_differences
 from cranectl.plants.mujoco.own_file import embed_files, spec_of_file
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
 from cranectl.plants.plant import Drive
-from cranectl.plants.registry import PlantEntry
 from cranectl.scenario import EffectSettings, ModelNames, RigParameters
 from cranectl.support import Array
 
