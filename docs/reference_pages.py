@@ -19,7 +19,7 @@ from typing import Any
 from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
-from cranectl.cli.exit_codes import MEANINGS
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import COMMANDS
 from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
@@ -73,7 +73,7 @@ def metrics() -> str:
 
 def exit_codes() -> str:
     """Return the table of exit codes."""
-    return table(("code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items()))
+    return table(("code", "meaning"), ((str(code), code.meaning) for code in ExitCode))
 
 
 @functools.cache

@@ -16,7 +16,6 @@ from .results import open_store as open_store
 from .results import read_manifest as read_manifest
 from .results import read_results as read_results
 from .sampling import sample_values as sample_values
-from .settings import COUNTED as COUNTED
 from .settings import CampaignSettings as CampaignSettings
 from .settings import campaign_names as campaign_names
 from .settings import is_distribution as is_distribution

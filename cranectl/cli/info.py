@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.idle import idle_lines, print_idle
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.support import InputError, Quantity
 
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("info", cls=command.Command)
-@click.argument("file", metavar="FILE", type=command.PATH)
-@command.scenario_options
+@click.command("info", cls=Command)
+@click.argument("file", metavar="FILE", type=Command.PATH)
+@ScenarioRequest.options
 @click.option("--as-is", is_flag=True, help="Of a model: it is meant to differ, so the exit code is 0.")
-@command.json_option
-def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, screen: Screen) -> int:
+@Command.json_option
+def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Screen) -> int:
     """Show what a log, a rig, a scenario or a crane's model file is.
 
     Of a log: scenario, design, parameters, versions, topics and verdict. Every message and checksum is
@@ -55,7 +56,7 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
     if kind == "model":
         request = request._replace(source=None)
         scenario = request.read()
-        print_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
+        IdleSettings.print(screen, IdleSettings.lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
         return _print_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
     if kind == "rig":
         print_rig(request, screen)
@@ -69,7 +70,7 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
                 remedy="leave these options out",
             )
         _print_log(file, screen)
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
@@ -94,7 +95,7 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
     screen.print_each(_rig_lines(file, names, numbers), indent="  ")
     listed = [difference._asdict() for difference in differences]
     screen.write_json({"drives": own.servo, "rig": numbers, "differences": listed})
-    return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
+    return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
 
 
 def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) -> Iterator[str]:

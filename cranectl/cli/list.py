@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.command import Command, json_option
+from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.report.table import Table, cells
 
@@ -36,7 +36,7 @@ schema_option = click.option(
 
 @click.command("list", cls=Command)
 @schema_option
-@json_option
+@Command.json_option
 def list_command(screen: Screen) -> None:
     """List scenarios, rigs, controllers, plants and drives.
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import PATH, Command
-from cranectl.cli.counts import MAX_SEED, Count
+from cranectl.cli.command import Command
+from cranectl.cli.counts import Count
 from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
@@ -35,9 +35,16 @@ ENDINGS = {
 @click.argument("kind", type=click.Choice([*ENDINGS, MAP, EXPERIMENT]))
 @click.argument("name")
 @click.option(
-    "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
+    "--in",
+    "directory",
+    metavar="DIR",
+    type=Command.PATH,
+    default=Path(),
+    help="Where to write. Default: here.",
 )
-@click.option("--seed", type=Count(MAX_SEED, lowest=0), metavar="N", help="Of an experiment. Default: 0.")
+@click.option(
+    "--seed", type=Count(Count.MAX_SEED, lowest=0), metavar="N", help="Of an experiment. Default: 0."
+)
 @click.option(
     "--period",
     type=click.FloatRange(0.0, min_open=True),

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
 
@@ -16,17 +17,17 @@ UNREAD = (
 )  # fmt: skip
 
 
-@click.command("plan", cls=command.Command)
-@command.scenario_argument
-@command.output_option(
+@click.command("plan", cls=Command)
+@ScenarioRequest.argument
+@Command.output_option(
     "--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=FileKind.PLOTS
 )
 @click.option(
     "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."
 )
-@command.scenario_options
-@command.json_option
-def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
+@ScenarioRequest.options
+@Command.json_option
+def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
     Shows how long each motion lasts, which limits act when, and what is proven. Exit code 1 if a limit
@@ -59,12 +60,12 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     if not reviewed:
         screen.print("nothing is proven: no segment is planned in minimum time")
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
-    unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
-    print_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
+    unread = (*IdleSettings.OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
+    IdleSettings.print_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
         from cranectl.report.plan import plan_figure
 
         screen.save_figure(plan_figure(reviewed, ready), plot)
     screen.write_json(plan_json(ready, reviewed, least))
     proven = all(review.proof.is_valid for review in reviewed)
-    return exit_codes.GOOD if proven else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if proven else ExitCode.LIMIT_EXCEEDED

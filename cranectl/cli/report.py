@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, short_names
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
 
@@ -17,9 +18,11 @@ if TYPE_CHECKING:
 
 
 @click.command("report", cls=Command)
-@click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
-@output_option("--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
-@directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
+@click.argument("logs", metavar="[LOG]...", nargs=-1, type=Command.PATH)
+@Command.output_option(
+    "--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without."
+)
+@Command.directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
 def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
 
@@ -41,9 +44,9 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
         return run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
-    name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
+    name = "-and-".join(label.replace("/", "-") for label in Names.of_files(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html", figures)
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
@@ -55,7 +58,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
 
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
-    for label, log in zip(short_names(logs), logs, strict=True):
+    for label, log in zip(Names.of_files(logs), logs, strict=True):
         read = Log.read(log)
         if not read.is_overlay:
             of_logs[label], versions[label] = read.runs, read.first.versions
@@ -76,7 +79,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
             worst[label] = draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    page = log_page(of_logs, command_given(), notes, versions=versions, worst=worst)
+    page = log_page(of_logs, Command.given(), notes, versions=versions, worst=worst)
     screen = Screen()
     screen.print_each(notes)
     screen.save_page(page, out)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.output import FAILED, PASSED, Screen, styled
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.cases import Failure, Validation
@@ -39,7 +39,7 @@ def print_results(validation: "Validation", code: int, out: Path, screen: Screen
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
         for case in () if validation.interruption else missing:
             name = f"{case.source}, {case.controller}, {case.drive}"
-            screen.print(" ", styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
+            screen.print(" ", Screen.styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
         logs = sum(result.log is not None for result in finished)
         logs_text = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
         screen.print(f"{len(runs)} runs, {logs_text} in {out}" if logs else f"{len(runs)} runs, no log kept")
@@ -47,9 +47,9 @@ def print_results(validation: "Validation", code: int, out: Path, screen: Screen
         if len(validation.plants) == 1:
             aside.append(f"(agreement not judged: {validation.plants[0]} is the only plant)")
         if validation.interruption:
-            screen.print(styled(validation.interruption, "yellow"))
+            screen.print(Screen.styled(validation.interruption, "yellow"))
         else:
-            screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
+            screen.print("validation", Screen.PASSED if code == ExitCode.GOOD else Screen.FAILED, *aside)
     _print_failures(validation)
 
 

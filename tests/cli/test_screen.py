@@ -6,7 +6,7 @@ import re
 import pytest
 from rich.console import Console
 
-from cranectl.cli.output import Screen, screen_table, styled
+from cranectl.cli.output import Screen, screen_table
 from cranectl.report import table as report
 from cranectl.support.errors import MAX_PHRASE, printable
 
@@ -26,7 +26,7 @@ def test_text_from_outside_is_printed_as_one_harmless_line(position: str) -> Non
     rows = ((report.Cell(HOSTILE, "bad"), report.Cell("1")),)
     printed = {
         "line": [HOSTILE],
-        "style": ["before", styled(HOSTILE, "bold")],
+        "style": ["before", Screen.styled(HOSTILE, "bold")],
         "cell": [report.Table("t", ("h", "i"), rows)],
         "heading": [report.Table("t", (HOSTILE.replace("\n", " "), "i"), rows)],
         "title": [report.Table(HOSTILE, ("h", "i"), rows)],

@@ -23,7 +23,7 @@ from cranectl.cases import Pairwise
 from cranectl.cases.case import Case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import run_cases
-from cranectl.cli.counts import available_cores
+from cranectl.cli.counts import Count
 from cranectl.cli.output import Screen
 from cranectl.compare.agreement import Agreement, AgreementLimits, judge, pair_limits
 from cranectl.compare.runs import compare_runs
@@ -235,7 +235,7 @@ def main() -> int:
     draw = random_rigs if options.rigid else random_cases
     generator = draw(options.seed, PLANTS.to_run(options.plants.split(",")))
     cases = tuple(itertools.islice(generator, options.cases))
-    validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
+    validation = Validation(cases, run_cases(cases, jobs=Count.available_cores()), {}, ())
     for table in pair_tables(Pairwise.of(validation)):
         screen.print(table)
     failed, excuse = 0, "an unstable loop" if options.rigid else "it vanishes with the step"

@@ -33,7 +33,7 @@ from pyarrow import parquet
 from cranectl.campaign.definition import Batch
 from cranectl.campaign.manifest import software_of
 from cranectl.campaign.worker import PreparedCampaign, Worker
-from cranectl.cli.controller_options import opened
+from cranectl.cli.controller_options import ControllerName
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
@@ -156,7 +156,7 @@ def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> in
     `files` are further controllers. If another row differs, it writes nothing and returns 1.
     """
     own = measured_controllers(BENCHMARK)
-    controllers = [*own, *map(opened, files)]
+    controllers = [*own, *map(ControllerName.open, files)]
     InputError.check_known("controller of the table", judged, controllers)
     table, rules = read_table(TABLE), rules_of(BENCHMARK)
     folders = {

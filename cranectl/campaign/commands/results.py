@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.campaign.commands.options import Judgement, judgement_options
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controllers_option
-from cranectl.cli.counts import MAX_REPLAYS, count_option
-from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
+from cranectl.cli.command import Command
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 if TYPE_CHECKING:
@@ -20,12 +22,12 @@ if TYPE_CHECKING:
     from cranectl.campaign.summary import GroupSummary
 
 
-@click.command("report", cls=command.Command)
-@click.argument("result", type=command.PATH)
-@command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
+@click.command("report", cls=Command)
+@click.argument("result", type=Command.PATH)
+@Command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @judgement_options
-@command.json_option
+@Command.json_option
 def report_campaign(
     result: Path, out: Path | None, unfinished: bool, judgement: Judgement, screen: Screen
 ) -> int:
@@ -49,7 +51,7 @@ def report_campaign(
     results = read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
     analysis = analyse(results)
-    write_page(campaign_page(analysis, command.command_given()), page)
+    write_page(campaign_page(analysis, Command.given()), page)
     code = show_result(results, screen, judgement, analysis_json(analysis))
     screen.print(f"report: {page}")
     return code
@@ -83,7 +85,7 @@ def show_result(
     }
     screen.write_json(summary | judged | (more or {}))
     passed = not judged or judged["max_failures"]["passed"]
-    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if passed else ExitCode.LIMIT_EXCEEDED
 
 
 def judge_result(
@@ -97,7 +99,7 @@ def judge_result(
         return {}
     verdicts = judge_failures(groups, judgement.allowed)
     for verdict in verdicts:
-        screen.print(f"{verdict.name}: {verdict.text}:", PASSED if verdict.kept else FAILED)
+        screen.print(f"{verdict.name}: {verdict.text}:", Screen.PASSED if verdict.kept else Screen.FAILED)
     if not results.campaign.settings.limits.given:
         screen.print("the campaign has no [limits]: only runs that stop early count as failed")
     if judgement.junit is not None:
@@ -120,20 +122,22 @@ def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
         yield f"again: {replay_command(results, sample, group.controller, group.plant)}"
 
 
-@click.command("replay", cls=command.Command)
-@click.argument("result", type=command.PATH)
-@count_option("--worst", "The N worst of all controllers and plants. Default: 3.", highest=MAX_REPLAYS)
+@click.command("replay", cls=Command)
+@click.argument("result", type=Command.PATH)
+@Count.option("--worst", "The N worst of all controllers and plants. Default: 3.", highest=Count.MAX_REPLAYS)
 @click.option(
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
-@controllers_option("Only runs with these controllers; one that is a controller of a file by its file.")
-@command.plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
+@ControllerName.repeated_option(
+    "Only runs with these controllers; one that is a controller of a file by its file."
+)
+@Names.plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
 @click.option(
     "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
 )
-@command.directory_option("--out", "Directory for the logs. Default: 'replays' in RESULT.")
-@command.json_option
+@Command.directory_option("--out", "Directory for the logs. Default: 'replays' in RESULT.")
+@Command.json_option
 def replay_campaign(
     result: Path,
     worst: int | None,
@@ -170,13 +174,13 @@ def replay_campaign(
     )
     check_models(results, rows)
     replays = []
-    with progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
+    with Screen.progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
         for row in rows:
             advance(0.0, f"run {results.row(row)['sample']}")
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     for replay in replays:
-        screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
+        screen.print(f"{replay.log}:", Screen.PASSED if replay.same else Screen.FAILED, replay.text)
         software = (f"made by other software: {difference}" for difference in replay.software_differences)
         screen.print_each((*replay.differences, *software), indent="  ")
     screen.write_json({"replays": [replay.to_json() for replay in replays]})
-    return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if all(replay.same for replay in replays) else ExitCode.LIMIT_EXCEEDED

@@ -5,11 +5,11 @@ import shlex
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
-from cranectl.cli import command
+from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError, LogError
 
@@ -17,15 +17,17 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
     from cranectl.tools.measured.importing import Imported
 
+F = TypeVar("F", bound=Callable[..., Any])
 
-def map_option(help_text: str, *, required: bool = False) -> Callable[[command.F], command.F]:
+
+def map_option(help_text: str, *, required: bool = False) -> Callable[[F], F]:
     """Return the option `--map`, the map of the columns of measured files."""
     return click.option(
-        "--map", "map_file", metavar="FILE", type=command.PATH, required=required, help=help_text
+        "--map", "map_file", metavar="FILE", type=Command.PATH, required=required, help=help_text
     )
 
 
-def sheets_option(help_text: str) -> Callable[[command.F], command.F]:
+def sheets_option(help_text: str) -> Callable[[F], F]:
     """Return the option `--sheets`, which makes a run of each sheet of a workbook."""
     return click.option("--sheets", metavar="PATTERN", help=help_text)
 

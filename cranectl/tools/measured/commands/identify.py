@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.completion import complete_rigs
+from cranectl.cli.command import Command
+from cranectl.cli.completion import Completion
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind
 from cranectl.tools.measured.commands.files import map_option, read_measured, sheets_option
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
 
 
-@click.command("identify", cls=command.Command)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
+@click.command("identify", cls=Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=Command.PATH)
 @click.option(
     "--rig",
     metavar="NAME",
     required=True,
-    shell_complete=complete_rigs,
+    shell_complete=Completion.rigs,
     help="Name or TOML file of what is known of the crane.",
 )
 @map_option("Map of the columns of FILEs that are no logs.")
@@ -36,11 +37,11 @@ IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The c
     help="What drives the model: commands, held from row to row; lines between them; or the motion of the "
     "axes. Default: commands, if all logs have them; of slow logs, what fits of the first two.",
 )
-@command.output_option(
+@Command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
 )
-@command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
-@command.json_option
+@Command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
+@Command.json_option
 def identify_command(
     files: tuple[Path, ...],
     rig: str,
@@ -99,7 +100,7 @@ def identify_command(
     unused = f"FILE --map {shlex.quote(str(map_file))}" if map_file else "LOG"
     screen.print(f"judge runs that were not used: cranectl validate {unused} --rig {shlex.quote(str(path))}")
     if report is not None:
-        page = identification_page(result, named, command.command_given())
+        page = identification_page(result, named, Command.given())
         screen.save_page(page, report)
     screen.write_json(
         {
@@ -116,4 +117,4 @@ def identify_command(
             "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],
         }
     )
-    return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if result.converged else ExitCode.LIMIT_EXCEEDED

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command
+from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
 from cranectl.tools.measured.commands.files import imported_facts, map_option, print_imported, sheets_option
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from cranectl.tools.measured.mapping import MeasuredMap
 
 
-@click.command("import", cls=command.Command)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
+@click.command("import", cls=Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=Command.PATH)
 @map_option("Map of the columns.", required=True)
 @click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: that of the map.")
 @click.option(
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 @sheets_option(
     "With --each: a log for each sheet that fits, e.g. 'Run*'; its columns are named without the sheet."
 )
-@command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/NAME/measured.mcap")
-@command.json_option
+@Command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/NAME/measured.mcap")
+@Command.json_option
 def import_log(
     files: tuple[Path, ...],
     map_file: Path,

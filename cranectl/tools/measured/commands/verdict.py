@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import command_given
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
 from cranectl.support import FileKind, InputError
@@ -87,7 +87,7 @@ def compare_measured(
             ],
         }
     )
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
@@ -206,15 +206,15 @@ def judge_runs(
         {"tolerance_m": accepted, "verdicts": facts, "repeated": same, "imported": measured.imported}
     )
     if junit is not None:
-        again = f"again: {command_given()}"
+        again = f"again: {Command.given()}"
         cases = [
             JUnitCase(str(rig), v.name, "passed" if passed else "failed", (explanation(v, accepted), again))
             for v, passed in zip(verdicts, good, strict=True)
         ]
         screen.save_junit(cases, junit)
     if report is not None:
-        screen.save_page(verdict_page(verdicts, accepted, command_given()), report)
-    return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
+        screen.save_page(verdict_page(verdicts, accepted, Command.given()), report)
+    return ExitCode.GOOD if all(good) else ExitCode.LIMIT_EXCEEDED
 
 
 def _distinct_runs(
