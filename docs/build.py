@@ -17,7 +17,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-from cranectl.report.page import write_page
 from cranectl.tools.benchmark.report.page import benchmark_page
 from cranectl.tools.benchmark.settings import read_benchmark
 from cranectl.tools.benchmark.table import read_table
@@ -107,7 +106,7 @@ def write_data_pages(source: Path) -> None:
     judged = benchmark_page(read_benchmark("literature"), read_table(ROOT / JUDGED), command)
     page = source / "extra" / BENCHMARK
     page.parent.mkdir(parents=True)
-    write_page(judged, page)
+    judged.write(page)
 
 
 def stage(source: Path) -> None:

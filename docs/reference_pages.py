@@ -27,7 +27,7 @@ from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
 from cranectl.report.table import Cell
-from cranectl.report.theme import standalone_svg
+from cranectl.report.theme import Chart
 from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
@@ -196,7 +196,7 @@ def pictures() -> dict[str, str]:
     """Return the pictures of the page of standings as SVG, by file."""
     tuned = _divisions()[0]
     figures = zip(tuned.ranked_sets, set_pictures(tuned), strict=True)
-    return {f"standings-{name}.svg": standalone_svg(figure.svg) for name, figure in figures}
+    return {f"standings-{name}.svg": Chart.standalone_svg(figure.svg) for name, figure in figures}
 
 
 def _controller_section(name: str) -> str:

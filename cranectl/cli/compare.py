@@ -163,9 +163,9 @@ def _print_pairs(
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
     """Print every signal, then the largest differences, under `title` or the names of the runs."""
-    from cranectl.report.run.differences import comparison_table
+    from cranectl.report.run.differences import DifferenceTables
 
-    screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
+    screen.print(DifferenceTables.of_signals(title or f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
         f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "
@@ -178,10 +178,10 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
     from cranectl.compare import Comparison
-    from cranectl.report.run.differences import distances_table
+    from cranectl.report.run.differences import DifferenceTables
 
     comparisons = Comparison.against_first(runs)
-    screen.print(distances_table(next(iter(runs)), comparisons))
+    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.write_json({"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
     return ExitCode.GOOD
 
@@ -190,7 +190,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases import CaseResult, RunSummary
     from cranectl.compare import Agreement, compare_runs, judge
-    from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
+    from cranectl.report.run.tables import RunTables
 
     if len(by_plant) < 2:
         raise InputError(
@@ -210,10 +210,10 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
     )
     for comparison in comparisons:
         _print(screen, comparison)
-    screen.print(agreement_table(judged.agreements))
-    if (table := limits_table([judged.runs])) is not None:
+    screen.print(RunTables.agreement(judged.agreements))
+    if (table := RunTables.limits([judged.runs])) is not None:
         screen.print(table)
-    screen.print_each(limit_notes(judged.agreements), indent="  ")
+    screen.print_each(RunTables.limit_notes(judged.agreements), indent="  ")
     statuses = {run.plant: run.status.label for run in judged.runs}
     for plant, status in statuses.items():
         if status != judged.expected:
@@ -236,7 +236,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases import LogPair
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import regression_table
+    from cranectl.report.run.differences import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new_log, golden_log)
@@ -244,7 +244,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     settings = regression.differing_fields.first
     screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
-        screen.print(regression_table(verdict))
+        screen.print(DifferenceTables.regression(verdict))
     screen.print_each(
         f"not compared: {signal} of {verdict.plant}, without a number in either log"
         for verdict in regression.verdicts
@@ -274,7 +274,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
     from cranectl.cases import LogPair, Regression
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import regressions_table
+    from cranectl.report.run.differences import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new, golden)
@@ -296,7 +296,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     judged = {
         path: outcome if isinstance(outcome, str) else outcome.verdicts for path, outcome in outcomes.items()
     }
-    screen.print(regressions_table(judged))
+    screen.print(DifferenceTables.regressions(judged))
     screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(paths[0] - paths[1]))
     screen.print(f"{new}:", Screen.PASSED if passed else Screen.FAILED)
     logs = {

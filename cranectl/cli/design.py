@@ -89,13 +89,7 @@ def design_command(
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
     from cranectl.controllers import ALL_CONTROLLERS, Tracker
-    from cranectl.report.design import (
-        controller_tables,
-        design_figure,
-        design_tables,
-        designs_figure,
-        designs_table,
-    )
+    from cranectl.report.design import DesignReport
     from cranectl.simulate import PreparedController
 
     export = Export(**exporting)
@@ -108,7 +102,7 @@ def design_command(
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         controller = designs[0]
         screen.print_each(
-            controller_tables(
+            DesignReport.controller_tables(
                 controller, ALL_CONTROLLERS[controller.name], PreparedController.near_rest(loaded, controller)
             )
         )
@@ -121,13 +115,17 @@ def design_command(
     flat = [design.flat for design in designs]
     for design in flat:
         Tracker.of(loaded, design)  # raises if sampling makes it unstable
-    screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
+    screen.print_each(
+        DesignReport.tables(flat[0]) if len(flat) == 1 else [DesignReport.comparison_table(flat)]
+    )
     if export.is_asked:
         export.write(loaded, names[0], screen)
     else:
         tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
-        screen.save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
+        screen.save_figure(
+            DesignReport.figure(flat[0]) if len(flat) == 1 else DesignReport.comparison_figure(flat), plot
+        )
     results = [design.to_json() for design in flat]
     screen.write_json(results[0] if len(flat) == 1 else {"designs": results})
 

@@ -110,11 +110,11 @@ def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float]) ->
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
     from cranectl.log import Log, LogDescription
-    from cranectl.report.run.tables import topic_table
+    from cranectl.report.run.tables import RunTables
 
     read, description = Log.read(log), LogDescription.of(log)
     table = (_print_overlay if read.is_overlay else _print_plants)(description, read, screen)
-    screen.print(topic_table(description))
+    screen.print(RunTables.topics(description))
     screen.write_json({**description.to_json(), **table})
 
 
@@ -126,8 +126,8 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     from cranectl.cases import RunSummary
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
-    from cranectl.report.run.differences import what_differs
-    from cranectl.report.run.tables import run_table
+    from cranectl.report.run.differences import LogTables
+    from cranectl.report.run.tables import RunTables
     from cranectl.support import Provenance
 
     runs = log.runs
@@ -144,9 +144,9 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
         _integrity(description),
     ):
         screen.print(f"{name:12} {text}")
-    screen.print(run_table({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
+    screen.print(RunTables.runs({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
     if len(runs) <= WIDEST:
-        differing = what_differs({name: {run.plant: run} for name, run in runs.items()})
+        differing = LogTables.what_differs({name: {run.plant: run} for name, run in runs.items()})
         screen.print(differing or "The runs were asked for with the same settings.")
     return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
@@ -157,7 +157,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     from cranectl.log import origins
     from cranectl.planning.review import add_claims
     from cranectl.plants import PhysicsStep
-    from cranectl.report.run.differences import settings_table
+    from cranectl.report.run.differences import LogTables
     from cranectl.support import Provenance
 
     runs = log.runs
@@ -191,7 +191,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
         _integrity(description),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
-    settings = settings_table({"": runs})
+    settings = LogTables.settings({"": runs})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {
         **_asked(run_list[0]),

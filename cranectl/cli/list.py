@@ -8,7 +8,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
-from cranectl.report.table import Table, cells
+from cranectl.report.table import Cell, Table
 
 if TYPE_CHECKING:
     from cranectl.controllers import Parameter
@@ -54,10 +54,10 @@ def list_command(screen: Screen) -> None:
     from cranectl.scenario import read_scenario, rig_names, scenario_names
 
     scenarios = [read_scenario(name) for name in scenario_names()]
-    rows = tuple(cells(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
+    rows = tuple(Cell.row(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     controllers = [(name, origin, title) for name, (origin, title) in ALL_CONTROLLERS.described().items()]
-    rows = tuple(cells(*controller) for controller in controllers)
+    rows = tuple(Cell.row(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
     registries = {"rigs": rig_names(), "plants": [*PLANTS], "drives": [*DRIVES]}
     screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())

@@ -159,7 +159,7 @@ def overlay_logs(
     from cranectl.cases import Case
     from cranectl.compare import Comparison
     from cranectl.log import Log
-    from cranectl.report.run.differences import distances_table
+    from cranectl.report.run.differences import DifferenceTables
 
     gathered = Log.gather(logs, labels=labels, plants=plants)
     runs = gathered.runs
@@ -176,7 +176,7 @@ def overlay_logs(
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:
         screen.print(Screen.styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
-    screen.print(distances_table(next(iter(runs)), comparisons))
+    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
     screen.print(f"view: cranectl log layout overlay view.json --log {shlex.quote(str(path))}")
     compared = [comparison.to_json() for comparison in comparisons.values()]

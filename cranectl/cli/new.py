@@ -156,11 +156,11 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
 
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
     from cranectl.tools.measured.programme import largest_swing
 
     rows = [
-        cells(
+        Cell.row(
             str(k),
             *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",

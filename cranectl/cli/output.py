@@ -88,16 +88,14 @@ class Screen(Console):
 
     def save_page(self, page: "Page", path: Path) -> None:
         """Write a page and print where it is."""
-        from cranectl.report.page import write_page
-
-        write_page(page, path)
+        page.write(path)
         self.print(f"report: {path}")
 
     def save_figure(self, figure: Any, path: Path) -> None:
         """Draw a figure into a file and print where it is."""
-        from cranectl.report.theme import save_figure
+        from cranectl.report.theme import Chart
 
-        save_figure(figure, path)
+        Chart.save(figure, path)
         self.print(f"picture: {path}")
 
     def save_junit(

@@ -41,7 +41,7 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     """
     from cranectl.planning import plan_motions
     from cranectl.planning.review import estimate_least_durations, reviews
-    from cranectl.report.plan import plan_json, plan_tables
+    from cranectl.report.plan import PlanReport
     from cranectl.scenario import EFFECTS, scenario_file
     from cranectl.simulate import PlannedReference
 
@@ -56,16 +56,16 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
             allowed="a scenario with a segment in minimum time",
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
-    screen.print_each(plan_tables(ready, reviewed, least))
+    screen.print_each(PlanReport.tables(ready, reviewed, least))
     if not reviewed:
         screen.print("nothing is proven: no segment is planned in minimum time")
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
     unread = (*IdleSettings.OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
     IdleSettings.print_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
-        from cranectl.report.plan import plan_figure
+        from cranectl.report.plan import PlanReport
 
-        screen.save_figure(plan_figure(reviewed, ready), plot)
-    screen.write_json(plan_json(ready, reviewed, least))
+        screen.save_figure(PlanReport.figure(reviewed, ready), plot)
+    screen.write_json(PlanReport.json(ready, reviewed, least))
     proven = all(review.proof.is_valid for review in reviewed)
     return ExitCode.GOOD if proven else ExitCode.LIMIT_EXCEEDED

@@ -51,8 +51,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log import Log
-    from cranectl.report.page import write_figures
-    from cranectl.report.run.page import log_page
+    from cranectl.report.run.page import LogPage
     from cranectl.support import Provenance
     from cranectl.tools.render.draw import draw_worst_moment
 
@@ -79,12 +78,12 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
             worst[label] = draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    page = log_page(of_logs, Command.given(), notes, versions=versions, worst=worst)
+    page = LogPage.of(of_logs, Command.given(), notes, versions=versions, worst=worst)
     screen = Screen()
     screen.print_each(notes)
     screen.save_page(page, out)
     if figures is not None:
-        screen.print(f"figures: {write_figures(page, figures)} files in {figures}")
+        screen.print(f"figures: {page.write_figures(figures)} files in {figures}")
 
 
 def _check_number(logs: int) -> None:

@@ -57,7 +57,7 @@ def run_command(
     """
     from cranectl.cases import Case
     from cranectl.plants import DRIVES
-    from cranectl.report.run import tables
+    from cranectl.report.run.tables import RunTables
 
     case = Case.of(
         request.load(),
@@ -74,19 +74,19 @@ def run_command(
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with Screen.progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = case.run(progress=advance)
-    screen.print(tables.run_table({case.log.stem: result.runs}))
-    screen.print_each([*case.left_out, *tables.run_notes([result])], indent="  ")
+    screen.print(RunTables.runs({case.log.stem: result.runs}))
+    screen.print_each([*case.left_out, *RunTables.run_notes([result])], indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(Screen.styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
     idle = IdleSettings.lines(case.scenario, request, uses)
     IdleSettings.print(screen, [*idle, *IdleSettings.timeout_lines([case.controller], timeout)])
-    screen.print(tables.metrics_table({"": result.runs}))
-    if (limits := tables.limits_table([result.runs])) is not None:
+    screen.print(RunTables.metrics({"": result.runs}))
+    if (limits := RunTables.limits([result.runs])) is not None:
         screen.print(limits)
     if result.agreements:
-        screen.print(tables.agreement_table(result.agreements))
-        screen.print_each(tables.limit_notes(result.agreements), indent="  ")
+        screen.print(RunTables.agreement(result.agreements))
+        screen.print_each(RunTables.limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
     if fmu is not None:
         screen.print(f"exported: {fmu}, the {case.plants[0]} plant with {drive} drives")

@@ -112,7 +112,7 @@ def validate_command(
         )  # fmt: skip
     from cranectl.cases import Pairwise
     from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.report.run.differences import pair_tables
+    from cranectl.report.run.differences import DifferenceTables
     from cranectl.simulate import Loop
 
     names = ALL_CONTROLLERS.chosen(controllers)
@@ -126,7 +126,7 @@ def validate_command(
     validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
     pairs = Pairwise.of(validation) if pairwise else None
-    screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
+    screen.print_each(DifferenceTables.pairs(pairs) if pairs and pairs.pairs else ())
     print_results(validation, code, out, screen, details=details)
     idle = IdleSettings.timeout_lines(names, timeout)
     for source, scenario in loaded.items():
@@ -213,16 +213,16 @@ def _page(
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
     from cranectl.log import read_log
-    from cranectl.report.validation import validation_page, worst_logs
+    from cranectl.report.validation import ValidationPage
     from cranectl.tools.render.draw import draw_worst_moment
 
     moments = {}
     try:
-        for source, log in worst_logs(validation).items():
+        for source, log in ValidationPage.worst_logs(validation).items():
             moments[source] = draw_worst_moment(read_log(log))
     except InputError as error:
         screen.print(f"report: no picture of the crane: {error.found}")
-    return validation_page(validation, options, Command.given(), pairs, moments)
+    return ValidationPage.of(validation, options, Command.given(), pairs, moments)
 
 
 def _sources(names: Sequence[str]) -> list[str]:

@@ -32,7 +32,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
-from cranectl.report.run.differences import pair_tables
+from cranectl.report.run.differences import DifferenceTables
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import ControlSettings
@@ -236,7 +236,7 @@ def main() -> int:
     generator = draw(options.seed, PLANTS.to_run(options.plants.split(",")))
     cases = tuple(itertools.islice(generator, options.cases))
     validation = Validation(cases, run_cases(cases, jobs=Count.available_cores()), {}, ())
-    for table in pair_tables(Pairwise.of(validation)):
+    for table in DifferenceTables.pairs(Pairwise.of(validation)):
         screen.print(table)
     failed, excuse = 0, "an unstable loop" if options.rigid else "it vanishes with the step"
     for case, result in validation.results:

@@ -27,12 +27,12 @@ def list_campaigns(screen: Screen) -> None:
     """
     from cranectl.campaign.load import load_campaign
     from cranectl.campaign.settings import campaign_names
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     campaigns = [load_campaign(name) for name in campaign_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        cells(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
+        Cell.row(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
         for campaign, s in ((campaign, campaign.settings) for campaign in campaigns)
     )
     screen.print(Table("Campaigns", headings, rows, labels=3))
@@ -81,11 +81,11 @@ def duration(seconds: float) -> str:
 
 def _parameters_table(campaign: "Campaign") -> "Table":
     from cranectl.campaign.table import describe
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(
-        cells(
+        Cell.row(
             parameter.name,
             describe(campaign, parameter.name).unit,
             parameter.distribution.distribution,

@@ -45,13 +45,12 @@ def report_campaign(
     from cranectl.campaign.evaluation import analyse, analysis_json
     from cranectl.campaign.report.page import campaign_page
     from cranectl.campaign.results import read_results
-    from cranectl.report.page import write_page
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
     analysis = analyse(results)
-    write_page(campaign_page(analysis, Command.given()), page)
+    campaign_page(analysis, Command.given()).write(page)
     code = show_result(results, screen, judgement, analysis_json(analysis))
     screen.print(f"report: {page}")
     return code

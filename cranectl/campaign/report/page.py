@@ -14,7 +14,7 @@ from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, compared_parameters, software_notes
 from cranectl.metrics import Metric
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.table import Table, cells, listed
+from cranectl.report.table import Cell, Table
 from cranectl.support import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own
@@ -198,7 +198,9 @@ def _uncertainty(analysis: Analysis) -> Section:
     for k, (_, versions) in enumerate(analysis.results.origins, 1):
         named = f", software {k}" if k > 1 else ""
         facts |= {f"{name}{named}": str(version) for name, version in versions.items()}
-    made = Table("What was run, with what", ("", ""), tuple(cells(*fact) for fact in facts.items()), labels=2)
+    made = Table(
+        "What was run, with what", ("", ""), tuple(Cell.row(*fact) for fact in facts.items()), labels=2
+    )
     return Section("uncertainty", "What is uncertain", tables=(tables.uncertainty_table(analysis), made))
 
 
@@ -213,8 +215,8 @@ def _summary_of(results: Results) -> Iterator[str]:
         )
     yield from (f"{note[0].upper()}{note[1:]}." for note in software_notes(results))
     yield (
-        f"{campaign.runs} samples, each run with {listed(settings.controllers)} on "
-        f"{listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
+        f"{campaign.runs} samples, each run with {Cell.listed(settings.controllers)} on "
+        f"{Cell.listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
         f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
     )
     beyond = "; ".join(f"{m} {'below' if Metric.low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)

@@ -19,7 +19,7 @@ from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
 from cranectl.metrics import Metric
-from cranectl.report.table import Cell, Table, cells, tabulate
+from cranectl.report.table import Cell, Table
 from cranectl.support import Array
 
 REASONS = 3  # that are listed for runs that could not start
@@ -77,7 +77,7 @@ def summary_table(groups: Sequence[GroupSummary], title: str) -> Table:
         "worst\nrun": lambda group: "–" if group.worst_sample is None else str(group.worst_sample),
     }
     note = "Error: the largest of a run, over completed runs. Worst: the run with the largest of all."
-    return tabulate(title, groups, columns, note=note)
+    return Table.of(title, groups, columns, note=note)
 
 
 def failure_notes(groups: Sequence[GroupSummary]) -> list[str]:
@@ -100,7 +100,7 @@ def metrics_quantiles(parts: Sequence[GroupAnalysis]) -> Table:
             values = part.group.metrics[metric]
             least, largest = _ends(values)
             spread, runs = map(number, (least, *quantiles(values), largest)), np.isfinite(values).sum()
-            rows.append(cells(METRIC_LABELS[metric], part.group.controller, str(runs), *spread))
+            rows.append(Cell.row(METRIC_LABELS[metric], part.group.controller, str(runs), *spread))
     headings = ("metric", "controller", "runs", "least", *(f"{100 * q:g} %" for q in LEVELS), "largest")
     note = "Over completed runs that have the metric; runs that do not settle have no settling time."
     return Table(f"Metrics on {parts[0].group.plant}", headings, tuple(rows), labels=2, note=note)
@@ -113,7 +113,7 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
         for parameter in part.separations[:SEPARATING]:
             distance = Cell(number(parameter.distance), "bad" if parameter.significant else "")
             medians = number(parameter.failed_median), number(parameter.other_median)
-            rows.append(cells(part.group.controller, parameter.parameter, distance, *medians))
+            rows.append(Cell.row(part.group.controller, parameter.parameter, distance, *medians))
     headings = ("controller", "parameter", "distance", "median of failed", "of the others")
     note = (
         "Distance: Kolmogorov-Smirnov, 0 for equal distributions, 1 for separate values, largest first. Red: "
@@ -126,7 +126,7 @@ def separation_table(parts: Sequence[GroupAnalysis]) -> Table:
 def sobol_table(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Table:
     """Return a table of the total indices of all metrics, with intervals."""
     rows = tuple(
-        cells(part.group.controller, name, *(_sobol_cell(part.sobol.get(m), k) for m in MAIN_METRICS))
+        Cell.row(part.group.controller, name, *(_sobol_cell(part.sobol.get(m), k) for m in MAIN_METRICS))
         for part in parts
         for k, name in enumerate(parameters)
     )
@@ -149,7 +149,7 @@ def one_at_a_time_table(part: GroupAnalysis) -> Table:
     nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
     steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
     steps += [(s.parameter, number(s.value, 4), str(s.sample), s.metrics) for s in part.one_at_a_time]
-    rows = [cells(*texts, *(number(float(value), 4) for value in values)) for *texts, values in steps]
+    rows = [Cell.row(*texts, *(number(float(value), 4) for value in values)) for *texts, values in steps]
     headings = ("parameter", "value", "sample", *(METRIC_LABELS[metric] for metric in MAIN_METRICS))
     note = "A dash: the run did not complete, or has no such metric."
     return Table(f"{part.group.name}, step by step", headings, tuple(rows), note=note)
@@ -164,7 +164,7 @@ def worst_table(analysis: Analysis) -> Table:
             replay = Cell(replay_command(analysis.results, run.sample, run.controller, run.plant), "code")
         ended = Cell(run.status, "" if run.status == "completed" else "bad")
         numbers = f"{run.end_s:g}", number(run.max_error_m, 4)
-        rows.append(cells(run.plant, run.controller, run.why, replay, str(run.sample), ended, *numbers))
+        rows.append(Cell.row(run.plant, run.controller, run.why, replay, str(run.sample), ended, *numbers))
     headings = ("plant", "controller", "why", "replay", "sample", "ended", "at [s]", "largest error [m]")
     note = "The largest errors, for stopped runs until they stopped; then one run for each other way to stop."
     return Table("Runs worth a look", headings, tuple(rows), labels=4, note=note)
@@ -177,7 +177,7 @@ def uncertainty_table(analysis: Analysis) -> Table:
     for parameter, values in zip(campaign.parameters, analysis.values.T, strict=True):
         numbers = (parameter.nominal, *_ends(values))
         texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
-        rows.append(cells(*texts, *(number(value, 4) for value in numbers)))
+        rows.append(Cell.row(*texts, *(number(value, 4) for value in numbers)))
     headings = ("parameter", "unit", "distribution in the plant", "nominal", "sampled from", "to")
     note = "The controller and its reference know the nominal values only."
     if campaign.settings.correlation:
@@ -209,7 +209,7 @@ def controller_differences(pairs: Sequence[Pair], sampling: str) -> Table:
             spread, share = map(number, difference.quantiles), percent(difference.better_share)
             texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)
             test = _tested(difference.p, tests, sampling, better)
-            rows.append(cells(f"{one} minus {other}", *texts, *test))
+            rows.append(Cell.row(f"{one} minus {other}", *texts, *test))
     headings = (
         "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS), "the first is better in %",
         "p", "better",
@@ -231,7 +231,7 @@ def failures_table(pairs: Sequence[Pair], sampling: str, title: str) -> Table:
         lists = (_listed(failures.first_only), _listed(failures.second_only))
         counts = map(str, (failures.neither, failures.both, only, only_other))
         test = _tested(failures.p, len(pairs), sampling, one if only < only_other else other)
-        rows.append(cells(one, other, *lists, *counts, *test))
+        rows.append(Cell.row(one, other, *lists, *counts, *test))
     headings = (
         "one", "other", "only one fails on samples", "only the other on samples", "neither", "both",
         "only one", "only the other", "p", "better",
@@ -246,7 +246,7 @@ def plants_agreement(pairs: Sequence[Pair]) -> Table:
         agreement = pair.agreement
         largest = abs(agreement.largest[0][1]) if agreement.largest else None
         texts = (pair.first.controller, str(agreement.samples), number(agreement.rho, form=".5f"))
-        rows.append(cells(*texts, *map(number, (*agreement.quantiles, largest))))
+        rows.append(Cell.row(*texts, *map(number, (*agreement.quantiles, largest))))
     levels = (f"|difference| {100 * q:g} %" for q in LEVELS)
     headings = ("controller", "samples", "rank correlation", *levels, "largest")
     note = "Differences of the largest error [m], over samples that completed on both plants."
@@ -260,7 +260,7 @@ def disagreements(analysis: Analysis, pairs: Sequence[Pair]) -> Table:
         for sample, difference in pair.agreement.largest:
             replay = Cell(replay_command(analysis.results, sample, pair.first.controller), "code")
             errors = (number(group.metrics[MEASURE][sample], 4) for group in (pair.first, pair.second))
-            rows.append(cells(pair.first.controller, replay, str(sample), *errors, f"{difference:+.3g}"))
+            rows.append(Cell.row(pair.first.controller, replay, str(sample), *errors, f"{difference:+.3g}"))
     one, other = pairs[0].first.plant, pairs[0].second.plant
     headings = ("controller", "replay", "sample", f"error on {one} [m]", f"on {other} [m]", "difference [m]")
     return Table("Largest differences between the plants", headings, tuple(rows), labels=2)

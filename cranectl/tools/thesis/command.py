@@ -31,7 +31,6 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | None = None) -> int:
     """Run the chapter, print it, write the requested page and its figures; return the exit code."""
-    from cranectl.report.page import write_figures
     from cranectl.tools.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.tools.thesis.reproduction import reproduce, total_simulated_seconds
 
@@ -48,6 +47,6 @@ def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | Non
         page = thesis_page(result, figures, Command.given())
         screen.save_page(page, report)
         if figure_directory is not None:
-            screen.print(f"figures: {write_figures(page, figure_directory)} files in {figure_directory}")
+            screen.print(f"figures: {page.write_figures(figure_directory)} files in {figure_directory}")
     screen.write_json(result.to_json())
     return ExitCode.GOOD if result.passed else ExitCode.LIMIT_EXCEEDED

@@ -204,7 +204,6 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller mine.py:CONTROLLER --beside literature.parquet
     """
-    from cranectl.report.page import write_page
     from cranectl.tools.benchmark.declared import controller_files
     from cranectl.tools.benchmark.report.opening import conclusions
     from cranectl.tools.benchmark.report.page import benchmark_page, judged_divisions
@@ -252,7 +251,7 @@ def report_benchmark(
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if there.is_file() else result
-    write_page(benchmark_page(settings, judged_table, Command.given(), results, yours), page)
+    benchmark_page(settings, judged_table, Command.given(), results, yours).write(page)
     if table is not None:
         write_table(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}

@@ -113,17 +113,17 @@ def tune_command(
 
 def _table(tuned: "Tuned") -> "Table":
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     points = tuned.best_points
     rows = [
-        cells(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
+        Cell.row(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
         for k, variable in enumerate(tuned.variables)
     ]
     for name, of_set in (("", points), ("validation: ", tuned.validated)):
         if of_set:
-            rows.append(cells(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
-            rows.append(cells(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
-    rows.append(cells("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
+            rows.append(Cell.row(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
+            rows.append(Cell.row(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
+    rows.append(Cell.row("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
     note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
     return Table(tuned.controller, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

@@ -11,7 +11,7 @@ import numpy as np
 
 from cranectl.campaign import MANIFEST_FILE, controller_from, read_manifest
 from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.status import RunStatus
 from cranectl.tools.benchmark.declared import controller_files
 from cranectl.tools.benchmark.ranking import Judged
@@ -45,7 +45,7 @@ def failures_section(divisions: list[Judged], result: Path | None) -> Iterator[S
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
             places = trial.crane_set, trial.scenario, str(failure.sample), ended
             command = Cell(_command(judged, failure, result, files), "code")
-            rows.append(cells(*named(judged, trial.controller), *places, command))
+            rows.append(Cell.row(*named(judged, trial.controller), *places, command))
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:

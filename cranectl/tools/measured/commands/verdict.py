@@ -92,7 +92,7 @@ def compare_measured(
 
 def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     rows = []
     for row in residuals:
@@ -100,7 +100,7 @@ def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
         sizes = (f"{factor * row[name]:.3f}" for name in ("max_abs", "rms", "final"))
         largest, *others = sizes
         rows.append(
-            cells(row["signal"].removesuffix("_residual"), unit, largest, f"{row['at_s']:g}", *others)
+            Cell.row(row["signal"].removesuffix("_residual"), unit, largest, f"{row['at_s']:g}", *others)
         )
     return Table(title, ("signal", "unit", "largest", "at [s]", "RMS", "final"), tuple(rows), labels=2)
 

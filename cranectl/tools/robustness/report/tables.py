@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.support import Quantity, Tree
 from cranectl.tools.robustness.certificate.certify import Certificate, Grade, PointVerdict
 from cranectl.tools.robustness.certificate.conservatism import LargestValues
@@ -23,8 +23,8 @@ def _millimetres(metres: float, digits: int = 3) -> str:
 def _sizes(size: Size | None, digits: int = 3) -> tuple[Cell, ...]:
     """Return RMS, largest and final deviation [mm], or empty cells without one."""
     if size is None:
-        return cells("", "", "")
-    return cells(*(_millimetres(value, digits) for value in (size.rms, size.max, size.final)))
+        return Cell.row("", "", "")
+    return Cell.row(*(_millimetres(value, digits) for value in (size.rms, size.max, size.final)))
 
 
 def _three(what: str) -> tuple[str, ...]:
@@ -45,7 +45,7 @@ def map_table(certificate: Certificate) -> Table:
         verdicts = [at[length, *column] for column in columns]
         letters = [GRADES[verdict.grade] if verdict.stable else "u" for verdict in verdicts]
         gaps = zip(verdicts, letters, strict=True)
-        rows.append(cells(f"{length:g}", *(Cell(f"{v.gap:.3f} {of}", _MARKED[of]) for v, of in gaps)))
+        rows.append(Cell.row(f"{length:g}", *(Cell(f"{v.gap:.3f} {of}", _MARKED[of]) for v, of in gaps)))
     return Table(f"nu-gap to the design model: {loop}", ("rope\n[m]", *headings), tuple(rows), note=note)
 
 
@@ -77,7 +77,7 @@ def drive_table(margins: DriveMargins, worst: PointVerdict) -> Table:
         tolerated = f"{Quantity(1e3 * delay).at_most()} ms" if delay > 0.0 else "not known"
         rows.append((f"gains ± {100 * spread:.0f} % and further delay up to", tolerated))
     title = f"The drives at once, each on its own: {worst.point}"
-    return Table(title, ("what changes", "tolerated"), tuple(cells(*row) for row in rows))
+    return Table(title, ("what changes", "tolerated"), tuple(Cell.row(*row) for row in rows))
 
 
 def limit_table(limits: Sequence[LargestValues]) -> Table:
@@ -89,7 +89,7 @@ def limit_table(limits: Sequence[LargestValues]) -> Table:
         values = (limit.delay_certified, limit.delay_stable, limit.lag_certified, limit.lag_stable)
         # as certified
         texts = ("-" if value is None else Quantity(1e3 * value).at_most() for value in values)
-        rows.append(cells(f"{limit.point.rope_length:g}", *texts))
+        rows.append(Cell.row(f"{limit.point.rope_length:g}", *texts))
     return Table(title, (*headings, "lag certified\n[ms]", "survived\n[ms]"), tuple(rows))
 
 
@@ -106,7 +106,7 @@ def ladder_table(results: Sequence[LevelResult]) -> Table:
     last = results[-1].level
     note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has no effects." * (last.name == MODEL)
     title = f"{run.scenario.name}, {run.design.name}: what each level adds"
-    rows = tuple(cells(result.level.name, *_level(result)) for result in results)
+    rows = tuple(Cell.row(result.level.name, *_level(result)) for result in results)
     return Table(title, headings, rows, labels=2, note=note)
 
 
@@ -115,14 +115,14 @@ def _level(result: LevelResult) -> tuple[Cell, ...]:
     at = f" at {result.run.end_s:g} s" if status.stopped else ""
     ended = Cell(f"{status.label}{at}", "bad" if status.stopped else "good")
     if metrics is None:
-        return cells(ended, *[MISSING] * 11)
+        return Cell.row(ended, *[MISSING] * 11)
     alone = _sizes(result.alone)
     if result.alone_status not in (None, "completed"):
         # The numbers of a run that stopped early say little: its status is shown instead.
-        alone = cells(Cell(str(result.alone_status), "bad"), "", "")
+        alone = Cell.row(Cell(str(result.alone_status), "bad"), "", "")
     errors = _sizes(Size(metrics.rms_error_m, metrics.max_error_m, metrics.final_error_m))
     effort, sway = math.hypot(*metrics.rms_acceleration_m_s2), math.degrees(metrics.rms_sway_rad)
-    return cells(ended, *errors, *_sizes(result.cumulative), *alone, f"{effort:.4f}", f"{sway:.3f}")
+    return Cell.row(ended, *errors, *_sizes(result.cumulative), *alone, f"{effort:.4f}", f"{sway:.3f}")
 
 
 def levels_table(results: Sequence[LevelResult]) -> Table:
@@ -132,5 +132,5 @@ def levels_table(results: Sequence[LevelResult]) -> Table:
         level, effect = result.level, getattr(result.run.scenario.effects, result.level.name, None)
         settings = {} if effect is None else effect.model_dump(mode="json")
         numbers = ", ".join(f"{name} = {Tree(value).text()}" for name, value in settings.items())
-        rows.append(cells(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
+        rows.append(Cell.row(level.name, level.adds, f"{level.plant}, {level.drive} drives", numbers))
     return Table("What is added", ("level", "adds", "plant", "settings"), tuple(rows), labels=4)
