@@ -151,9 +151,9 @@ class ScenarioRequest(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario import read_scenario
+        from cranectl.scenario import ScenarioFile
 
-        return read_scenario(self.source, rig=self.rig, overrides=self.overrides)
+        return ScenarioFile.read(self.source, rig=self.rig, overrides=self.overrides)
 
     def load(self) -> "Scenario":
         """Return the scenario with its motions planned; raises InputError."""

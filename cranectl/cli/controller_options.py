@@ -59,10 +59,10 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         @functools.wraps(function)
         def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
             if trust and controller is None:
-                from cranectl.scenario import read_scenario, scenario_file
+                from cranectl.scenario import ScenarioFile
 
-                named = read_scenario(scenario).controller.name
-                controller = ControllerName.open(named, scenario_file(scenario).parent)
+                named = ScenarioFile.read(scenario).controller.name
+                controller = ControllerName.open(named, ScenarioFile.find(scenario).parent)
             return function(controller=controller, scenario=scenario, **options)
 
         return command  # type: ignore[return-value]

@@ -53,9 +53,9 @@ class IdleSettings:
         command. With `all_effects` the command takes numbers of the rig for effects that the scenario does
         not have.
         """
-        from cranectl.scenario import given_settings
+        from cranectl.scenario import ScenarioFile
 
-        stated = [name for name in given_settings(*request) if name not in LABELS]
+        stated = [name for name in ScenarioFile.given_settings(*request) if name not in LABELS]
         if not stated:
             return []
         from cranectl.simulate import RunKind

@@ -125,7 +125,7 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     """Print what the runs of an overlay are; return it as plain data."""
     from cranectl.cases import RunSummary
     from cranectl.log import origins
-    from cranectl.planning.review import add_claims
+    from cranectl.planning.review import Review
     from cranectl.report.run.differences import LogTables
     from cranectl.report.run.tables import RunTables
     from cranectl.support import Provenance
@@ -133,7 +133,7 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     runs = log.runs
     made_of: dict[str, list[str]] = {}
     for label, run in runs.items():
-        for name, origin in origins(add_claims(run.scenario)).items():
+        for name, origin in origins(Review.add_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
     software = Provenance.others({label: layer.versions for label, layer in log.layers.items()})
     for name, text in (
@@ -155,7 +155,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
     from cranectl.compare import Agreement, judge
     from cranectl.log import origins
-    from cranectl.planning.review import add_claims
+    from cranectl.planning.review import Review
     from cranectl.plants import PhysicsStep
     from cranectl.report.run.differences import LogTables
     from cranectl.support import Provenance
@@ -172,7 +172,10 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
         ("design", design),
         *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in run_list),
-        *(("reference", f"{name}: {origin}") for name, origin in origins(add_claims(scenario)).items()),
+        *(
+            ("reference", f"{name}: {origin}")
+            for name, origin in origins(Review.add_claims(scenario)).items()
+        ),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),

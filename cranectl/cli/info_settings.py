@@ -21,9 +21,9 @@ SHOWN = "logs (.mcap), models (.xml), rigs and scenarios (.toml, or a name in `c
 def kind_of(file: Path) -> Kind:
     """Return what `info` shows of a file or name; raise InputError for what it does not show."""
     from cranectl.plants import PLANTS
-    from cranectl.scenario import rig_names, scenario_names
+    from cranectl.scenario import RigFile, scenario_names
 
-    if not File(file).exists() and str(file) in rig_names():
+    if not File(file).exists() and str(file) in RigFile.names():
         return "rig"
     if not File(file).exists() and str(file) in scenario_names():
         return "scenario"

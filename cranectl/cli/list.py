@@ -51,15 +51,15 @@ def list_command(screen: Screen) -> None:
     """
     from cranectl.controllers import ALL_CONTROLLERS
     from cranectl.plants import DRIVES, PLANTS
-    from cranectl.scenario import read_scenario, rig_names, scenario_names
+    from cranectl.scenario import RigFile, ScenarioFile, scenario_names
 
-    scenarios = [read_scenario(name) for name in scenario_names()]
+    scenarios = [ScenarioFile.read(name) for name in scenario_names()]
     rows = tuple(Cell.row(s.name, f"{s.duration:g} s", s.controller.name, s.title) for s in scenarios)
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     controllers = [(name, origin, title) for name, (origin, title) in ALL_CONTROLLERS.described().items()]
     rows = tuple(Cell.row(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
-    registries = {"rigs": rig_names(), "plants": [*PLANTS], "drives": [*DRIVES]}
+    registries = {"rigs": RigFile.names(), "plants": [*PLANTS], "drives": [*DRIVES]}
     screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())
     listed = [s.model_dump(include={"name", "title", "duration", "controller"}) for s in scenarios]
     screen.write_json({"scenarios": listed, "controllers": [name for name, *_ in controllers], **registries})

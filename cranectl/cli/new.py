@@ -120,7 +120,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
     from cranectl.cli.output import Screen
-    from cranectl.scenario import load_rig
+    from cranectl.scenario import RigFile
     from cranectl.tools.measured.programme import (
         predict_estimates,
         propose_runs,
@@ -130,7 +130,7 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     from cranectl.tools.measured.report import estimates_table
     from cranectl.tools.measured.suggestion import run_name
 
-    rig, name, screen = load_rig(rig_name), run_name(Path(rig_name).stem), Screen()
+    rig, name, screen = RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
     runs = propose_runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"

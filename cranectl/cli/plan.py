@@ -40,16 +40,16 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
     from cranectl.planning import plan_motions
-    from cranectl.planning.review import estimate_least_durations, reviews
+    from cranectl.planning.review import Review
     from cranectl.report.plan import PlanReport
-    from cranectl.scenario import EFFECTS, scenario_file
+    from cranectl.scenario import EFFECTS, ScenarioFile
     from cranectl.simulate import PlannedReference
 
-    written, directory = request.read(), scenario_file(str(request.source)).parent
+    written, directory = request.read(), ScenarioFile.find(str(request.source)).parent
     ready = plan_motions(written, directory)
     PlannedReference.of(ready)  # refuses what no run can follow
-    reviewed = reviews(ready)
-    least = estimate_least_durations(ready, written, directory) if bound and reviewed else ()
+    reviewed = Review.of(ready)
+    least = Review.least_durations(ready, written, directory) if bound and reviewed else ()
     if plot is not None and not reviewed:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",

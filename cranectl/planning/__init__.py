@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.scenario import Scenario, read_scenario, scenario_file
+from cranectl.scenario import Scenario, ScenarioFile
 from cranectl.support import Arguments
 
 
@@ -37,8 +37,8 @@ def load_scenario(
     >>> load_scenario("fixed-position", overrides=["rig.load_mass=2.5"]).rig.load_mass
     2.5
     """
-    scenario = read_scenario(name_or_path, rig=rig, overrides=overrides)
-    return plan_motions(scenario, scenario_file(name_or_path).parent)
+    scenario = ScenarioFile.read(name_or_path, rig=rig, overrides=overrides)
+    return plan_motions(scenario, ScenarioFile.find(name_or_path).parent)
 
 
 def plan_motions(scenario: Scenario, directory: Path = Path()) -> Scenario:

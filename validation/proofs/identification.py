@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
@@ -86,7 +86,7 @@ class Fitted:
         self.crane, self.k, self.has = crane, k, has
         self.common: dict[str, Any] = {"period": period, "swing": swing}
         path = crane.rig_file(folder, f"{name}-{k}")  # of this crane alone: others run at the same time
-        self.rig = load_rig(str(path))
+        self.rig = RigFile.load(str(path))
         if not fit_path(path).exists():
             runs = [self.run(seed, **more)[0] for seed in range(FITTED)]
             result = identify(runs, self.rig)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
@@ -51,7 +51,7 @@ def half_results(rig: str, runs: Mapping[str, Run], half: int, scratch: Path) ->
     names = list(runs)
     used, new = names[half::2], {name: runs[name] for name in names[1 - half :: 2]}
     known, fitted = MAPS / f"{rig}.toml", [runs[name] for name in used]
-    result = identify(fitted, load_rig(str(known)), replay="motion", progress=print)
+    result = identify(fitted, RigFile.load(str(known)), replay="motion", progress=print)
     identified = scratch / f"{rig}-{half}.toml"
     identified.write_text(rig_text(result, str(known), ", ".join(used)), encoding="utf-8")
     fit_path(identified).write_text(fit_text(result, fitted), encoding="utf-8")

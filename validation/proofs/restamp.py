@@ -31,7 +31,7 @@ import pyarrow
 from pyarrow import parquet
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.manifest import software_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.worker import PreparedCampaign, Worker
 from cranectl.cli.controller_options import ControllerName
 from cranectl.controllers.registry import ALL_CONTROLLERS
@@ -130,7 +130,7 @@ def about_with_software(about: Mapping[str, Any]) -> dict[str, Any]:
     """Return the facts of a table with the present software among those that made its runs."""
     present = {
         name: version
-        for name, version in software_of((BENCHMARK.plant, BENCHMARK.second_plant), ()).items()
+        for name, version in Manifest.software((BENCHMARK.plant, BENCHMARK.second_plant), ()).items()
         if not name.startswith("law ")
     }
     return {**about, "made_by": [*about["made_by"], *([present] if present not in about["made_by"] else [])]}

@@ -26,10 +26,10 @@ def list_campaigns(screen: Screen) -> None:
     cranectl campaign list --json -
     """
     from cranectl.campaign.load import load_campaign
-    from cranectl.campaign.settings import campaign_names
+    from cranectl.campaign.settings import CampaignSettings
     from cranectl.report.table import Cell, Table
 
-    campaigns = [load_campaign(name) for name in campaign_names()]
+    campaigns = [load_campaign(name) for name in CampaignSettings.shipped_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
         Cell.row(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))

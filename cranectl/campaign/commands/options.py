@@ -88,7 +88,7 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def command(campaign: str, overrides: Sequence[str], trust: bool, **options: Any) -> Any:
         from cranectl.campaign.load import load_campaign
-        from cranectl.campaign.settings import CampaignSettings, campaign_file, read_campaign
+        from cranectl.campaign.settings import CampaignSettings
 
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
         fields = CampaignSettings.model_fields
@@ -103,11 +103,14 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
             key: options.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")
         }
         if trust and not replaced["controllers"]:
-            named, folder = read_campaign(campaign, overrides=own).controllers, campaign_file(campaign).parent
+            named, folder = (
+                CampaignSettings.read(campaign, overrides=own).controllers,
+                CampaignSettings.file_of(campaign).parent,
+            )
             replaced["controllers"] = tuple(ControllerName.open(name, folder) for name in named)
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
-            own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")
+            own.append(f"set={to_toml([*CampaignSettings.read(campaign, overrides=own).set, *shared])}")
         return function(load_campaign(campaign, overrides=own), **options)
 
     return command

@@ -60,15 +60,15 @@ def show_result(
     results: "Results", screen: Screen, judgement: Judgement, more: dict[str, Any] | None = None
 ) -> int:
     """Print the summary of a result and write it as JSON, with what is `more`; return the exit code."""
-    from cranectl.campaign.report.tables import failure_notes, summary_table
+    from cranectl.campaign.report.tables import CampaignTables
     from cranectl.campaign.summary import makers, software_notes, summarize
 
     groups = summarize(results)
     settings = results.campaign.settings
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
-        screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
-        screen.print_each(failure_notes(of_plant), indent="  ")
+        screen.print(CampaignTables.summary(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
+        screen.print_each(CampaignTables.failure_notes(of_plant), indent="  ")
     screen.print_each(software_notes(results))
     screen.print(f"result: {results.directory}")
     judged = judge_result(results, groups, judgement, screen)
@@ -92,7 +92,7 @@ def judge_result(
 ) -> dict[str, Any]:
     """Print whether as many runs failed as are allowed, if that is asked for; return it as plain data."""
     from cranectl.campaign.failures import failure_cases, judge_failures
-    from cranectl.campaign.report.tables import failure_notes
+    from cranectl.campaign.report.tables import CampaignTables
 
     if judgement.allowed is None:
         return {}
@@ -102,7 +102,7 @@ def judge_result(
     if not results.campaign.settings.limits.given:
         screen.print("the campaign has no [limits]: only runs that stop early count as failed")
     if judgement.junit is not None:
-        notes = [[*failure_notes([group]), *_again(results, group)] for group in groups]
+        notes = [[*CampaignTables.failure_notes([group]), *_again(results, group)] for group in groups]
         cases = failure_cases(verdicts, results.campaign.settings.name, notes)
         screen.save_junit(cases, judgement.junit, "cranectl campaign")
     kept = all(verdict.kept for verdict in verdicts)
@@ -112,13 +112,13 @@ def judge_result(
 
 def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
     """Yield the command that repeats the first run that failed, if there is one."""
-    from cranectl.campaign.report.tables import replay_command
+    from cranectl.campaign.report.tables import CampaignTables
     from cranectl.campaign.summary import failed
 
     rows = results.rows(group.plant, group.controller)
     bad = failed(lambda name: results.column(name)[rows], results.campaign.settings.limits.given)
     for sample in results.column("sample")[rows][bad][:1].tolist():
-        yield f"again: {replay_command(results, sample, group.controller, group.plant)}"
+        yield f"again: {CampaignTables.replay_command(results, sample, group.controller, group.plant)}"
 
 
 @click.command("replay", cls=Command)

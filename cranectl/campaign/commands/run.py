@@ -91,8 +91,8 @@ def run_campaign(
     """
     from cranectl.campaign.commands.options import idle_in_campaign
     from cranectl.campaign.commands.results import show_result
-    from cranectl.campaign.manifest import resume_command
-    from cranectl.campaign.results import open_store, read_results
+    from cranectl.campaign.manifest import Manifest
+    from cranectl.campaign.results import Store, read_results
     from cranectl.campaign.table import FAILED
     from cranectl.campaign.workers import batch_engine
     from cranectl.cli.counts import Count
@@ -115,7 +115,7 @@ def run_campaign(
         batch_engine(
             scheduler, timeout, workers=workers or Count.available_cores(), local_cluster=bool(cluster)
         ) as engine,
-        open_store(campaign, directory, command=Command.arguments(), **options) as store,
+        Store.open(campaign, directory, command=Command.arguments(), **options) as store,
     ):
         screen.print_each(store.quarantined, indent="  ")
         interrupted = _run(campaign, store, engine)
@@ -123,7 +123,7 @@ def run_campaign(
     # What was interrupted is not judged: the runs that are missing may fail.
     code = show_result(results, screen, Judgement(None, None) if interrupted else judgement)
     if interrupted:
-        again = resume_command(results.manifest) or "the same command and --resume"
+        again = Manifest.resume_command(results.manifest) or "the same command and --resume"
         remaining = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
         screen.print(f"interrupted: {remaining}; go on with: {again}")
         return ExitCode.INTERRUPTED

@@ -11,7 +11,7 @@ from PIL.Image import Image
 from cranectl.cases import RunSummary
 from cranectl.compare import Agreement, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
-from cranectl.planning.review import reviews
+from cranectl.planning.review import Review
 from cranectl.plants import PLANTS
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import PlanReport
@@ -120,7 +120,7 @@ def _plans(logs: Logs) -> list[Section]:
     seen = []
     for label, log in logs.items():
         scenario = next(iter(log.values())).scenario
-        reviewed = reviews(scenario)
+        reviewed = Review.of(scenario)
         if reviewed and scenario.reference not in seen:
             seen.append(scenario.reference)
             title = "Plan" if len(logs) == 1 else f"Plan, {label}"

@@ -16,14 +16,12 @@ from cranectl.campaign import (
     MANIFEST_FILE,
     Campaign,
     Engine,
+    Manifest,
     PreparedCampaign,
     Results,
     StoppedError,
     Store,
     check_values,
-    differences,
-    manifest_of,
-    open_store,
     read_results,
 )
 from cranectl.controllers import ALL_CONTROLLERS
@@ -78,7 +76,7 @@ def run_trials(
             return FinishedTrial(trial, _not_run(results))
         check_values(campaign)
         try:
-            with open_store(
+            with Store.open(
                 campaign, result_directory, resume=True, despite_differences=despite_differences
             ) as store:
                 write_missing(campaign, store)
@@ -107,7 +105,7 @@ def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
         results = read_results(directory)
     except InputError:  # `open_store` repairs it or raises the error
         return None
-    expected = manifest_of(campaign)
+    expected = Manifest.of(campaign)
     settings = {name: value for name, value in expected.items() if name not in ("versions", "accepted")}
     is_own = any(not Provenance.differences(o.versions, expected["versions"]) for o in results.origins)
     return results if is_own and results.manifest | settings == results.manifest else None
@@ -153,7 +151,7 @@ def collect_results(
     - A trial has other cranes than the benchmark, another version of a controller, or other tuned numbers.
     """
     trials, nominal, made_by = {}, {}, {}
-    expected_manifest = functools.cache(lambda trial: manifest_of(campaign_of(benchmark, trial)))
+    expected_manifest = functools.cache(lambda trial: Manifest.of(campaign_of(benchmark, trial)))
     lengths = {name: crane_length(benchmark, name) for name in benchmark.scenarios}
     for trial in begun:
         advance(1.0)
@@ -210,7 +208,7 @@ def _check_same(results: Results, expected: Table, controller: str) -> None:
         | {key: expected["scenario"][key] for key in ("controller", "design")},
         "runs": expected["runs"],
     }
-    phrases = differences(adapted, expected)
+    phrases = Manifest.differences(adapted, expected)
     digest = ALL_CONTROLLERS.digests([controller]).items()
     phrases += [f"{controller} has changed" for o in results.origins if not digest <= o.versions.items()][:1]
     if phrases:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cranectl.scenario import RigParameters, load_rig
+from cranectl.scenario import RigFile, RigParameters
 from cranectl.simulate import Run
 from cranectl.support import JSON, Array, InputError
 from cranectl.tools.measured.experiment import rig_with
@@ -71,7 +71,7 @@ def read_fit(rig: Path) -> Fit:
         if not known.shape == spread.shape == (len(values),) * 2:
             raise ValueError("covariance of another size")
         return Fit(
-            rig=rig_with(load_rig(rig), values),
+            rig=rig_with(RigFile.load(rig), values),
             replay=kept["replay"],
             values=values,
             known=known,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.scenario import NANOSECONDS, RigParameters, load_rig, rig_place
+from cranectl.scenario import NANOSECONDS, RigFile, RigParameters
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask, TableHead
@@ -171,7 +171,7 @@ def import_runs(
 
     Raises InputError as `import_files` does, and for a run that contradicts physics alone.
     """
-    parameters = load_rig(rig or rig_place(mapping.rig, directory))
+    parameters = RigFile.load(rig or RigFile.place(mapping.rig, directory))
     recorded = [
         _record(source, mapping.model_copy(update={"name": source.name}), parameters) for source in sources
     ]

@@ -37,7 +37,7 @@ FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
 DIAGRAMS: dict[str, dict[str, str]] = TOML.read(Shipped.THESIS_FOLDER / "diagrams.toml")
 DIAGRAM_DIRECTORY = Shipped.THESIS_FOLDER / "diagrams"
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
-# In the order of the thesis's figures, beside "space"; FAMILIES has more, without a figure there.
+# In the order of the thesis's figures, beside "space"; `Family.ALL` has more, without a figure there.
 FAMILY_NAMES = (
     "error", "linear-input", "input", "trolley", "angles", "load",
     "trolley-path", "load-path", "relative-path",

@@ -11,7 +11,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.experiment import Experiment, unknowns_of
@@ -193,7 +193,7 @@ def test_an_identified_crane_is_a_rig_and_a_campaign(
     assert "The residuals are as large as the stated noise of the readings." in page
     assert page.count("<svg") == 1 + len(logs)  # intervals, and a figure for each run
     assert "Identified from the commands of 3 runs" in capsys.readouterr().out
-    rig = load_rig("mine.toml")
+    rig = RigFile.load("mine.toml")
     assert rig.load_mass == pytest.approx(NUMBERS["load_mass"], rel=0.01)
     assert rig.effects.friction.viscous == (0.0, 0.0, 0.0)
     assert rig.bridge_mass == LAB.bridge_mass

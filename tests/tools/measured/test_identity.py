@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -25,7 +25,7 @@ from tests.tools.measured.crane import SIGNALS, UNITS, mapping
 from tests.tools.measured.hidden import LAB, run_of
 from tests.tools.measured.pendulum import moves, record
 
-RIG = {name: load_rig(name) for name in ("lab-rig", "harbour-crane")}
+RIG = {name: RigFile.load(name) for name in ("lab-rig", "harbour-crane")}
 ENCODERS = {  # steps and noise of positions and angles [m, rad]
     "noise": ((1e-6, 1e-6), (1e-4, 2e-4)),
     "steps and noise": ((1e-4, 4e-4), (1e-5, 1e-4)),

@@ -13,7 +13,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.scenario.effects import DriveLimits, Sensing
-from cranectl.scenario.load import load_rig, rig_names
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.tools.measured.experiment import CHANNELS
@@ -33,7 +33,7 @@ OWN = 'extends = "harbour-crane"\nrope_range = [3.0, 42.0]\n'
 
 @cache
 def proposed(rig: str, seed: int = 0) -> tuple[Run, ...]:
-    return propose_runs(load_rig(rig), seed=seed)
+    return propose_runs(RigFile.load(rig), seed=seed)
 
 
 def start(run: Run) -> Array:
@@ -48,9 +48,9 @@ def period(run: Run) -> float:
     return run.scenario.control.period
 
 
-@pytest.mark.parametrize("name", rig_names())
+@pytest.mark.parametrize("name", RigFile.names())
 def test_set_points_keep_the_limits_of_the_rig(name: str) -> None:
-    rig, runs = load_rig(name), proposed(name)
+    rig, runs = RigFile.load(name), proposed(name)
     velocity, acceleration = map(np.array, (rig.effects.limits.velocity, rig.effects.limits.acceleration))
     low, high = rig.workspace.T
     margin = WORKSPACE_MARGIN * (high - low) - period(runs[0]) * velocity  # set-points hold for a period
@@ -62,9 +62,9 @@ def test_set_points_keep_the_limits_of_the_rig(name: str) -> None:
         assert (largest_swing(run) <= MAX_SWING).all()
 
 
-@pytest.mark.parametrize("name", rig_names())
+@pytest.mark.parametrize("name", RigFile.names())
 def test_each_run_moves_every_axis_alone_and_all_together_between_two_pauses(name: str) -> None:
-    rig, runs = load_rig(name), proposed(name)
+    rig, runs = RigFile.load(name), proposed(name)
     swing = 2.0 * np.pi * np.sqrt(np.mean(rig.rope_range) / rig.gravity)
     for run in runs:
         moving = commands(run) != 0.0
@@ -155,7 +155,7 @@ def test_an_own_rig_is_named_relative_to_the_map() -> None:
     Path("yard/Quay 4.toml").write_text(OWN)
     assert main(["new", "experiment", "yard/Quay 4.toml", "--period", "0.05", "--in", "out"]) == 0
     mapping = read_map(Path("out/quay-4-map.toml"))
-    assert load_rig(Path("out") / mapping.rig).rope_range == (3.0, 42.0)
+    assert RigFile.load(Path("out") / mapping.rig).rope_range == (3.0, 42.0)
     second = Path("out/quay-4-run-5.csv").read_text().splitlines()[2]
     assert second.split(",")[0] == "0.05"
 

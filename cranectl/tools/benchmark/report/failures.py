@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign import MANIFEST_FILE, controller_from, read_manifest
+from cranectl.campaign import MANIFEST_FILE, Manifest, read_manifest
 from cranectl.report.page import Section
 from cranectl.report.table import Cell, Table
 from cranectl.status import RunStatus
@@ -77,7 +77,7 @@ def _command(judged: Judged, failure: FirstFailure, result: Path | None, files: 
     folder, commands = REPEATED / trial.folder, []
     if result and (result / trial.folder / MANIFEST_FILE).exists():
         folder = result / trial.folder
-        known = controller_from(read_manifest(folder), folder, controller)
+        known = Manifest.controller(read_manifest(folder), folder, controller)
         place = FILE if known == controller else known
     else:
         own = [] if benchmark.name == DEFAULT else [os.path.relpath(benchmark.file)]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator, NullLocator
 
-from cranectl.campaign import failure_interval, series_style
+from cranectl.campaign import CampaignFigures, failure_interval
 from cranectl.report.page import Figure, Section
 from cranectl.report.table import Cell, Table
 from cranectl.report.theme import Chart
@@ -235,7 +235,7 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     for k in best[NAMED_PROFILES:]:
         axes.step(at, 100.0 * shares[k], where="post", color=Chart.STAND_IN["muted"], linewidth=0.6)
     for rank, k in enumerate(best[:NAMED_PROFILES]):
-        axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **series_style(rank))
+        axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **CampaignFigures.style(rank))
     axes.set(xscale="log", xlim=(1.0, MAX_RATIO), ylim=(0.0, 100.0))
     axes.set(xlabel="time to settle over that of the quickest controller", ylabel="runs [%]")
     axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])

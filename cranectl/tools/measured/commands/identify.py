@@ -72,7 +72,7 @@ def identify_command(
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
-    from cranectl.scenario import load_rig
+    from cranectl.scenario import RigFile
     from cranectl.tools.measured.fit import fit_path, fit_text
     from cranectl.tools.measured.identification import identify
     from cranectl.tools.measured.identified import campaign_text, rig_text
@@ -86,7 +86,7 @@ def identify_command(
     measured = read_measured(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]
-    result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
+    result = identify(runs, RigFile.load(rig), replay=replay, progress=screen.print)
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     with File(path).writing():
