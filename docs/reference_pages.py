@@ -36,8 +36,8 @@ from cranectl.tools.benchmark.report.opening import caveats, conclusions, tuning
 from cranectl.tools.benchmark.report.page import judged_divisions
 from cranectl.tools.benchmark.report.pictures import KEY, set_pictures
 from cranectl.tools.benchmark.report.sets import NAMED, TITLES, finite, named
-from cranectl.tools.benchmark.settings import Benchmark, benchmark_file, read_benchmark
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file
+from cranectl.tools.benchmark.table import BenchmarkTable
 from docs.standings import statements
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -137,7 +137,9 @@ def settings() -> str:
 def _divisions() -> list[Judged]:
     """Return the divisions of the shipped table."""
     file = benchmark_file("literature")
-    return judged_divisions(read_benchmark("literature"), read_table(file.parent / "literature.parquet"))
+    return judged_divisions(
+        Benchmark.read("literature"), BenchmarkTable.read(file.parent / "literature.parquet")
+    )
 
 
 def standings() -> str:

@@ -29,7 +29,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
-from cranectl.tools.benchmark.tuned import tuned_facts
+from cranectl.tools.benchmark.tuned import TunedResult
 from tests.plants.own_models import HALL_NAMES, MODELS
 
 # Faces of rooms have functions of these names.
@@ -115,7 +115,7 @@ def tuned(folder: Path, value: str) -> object:
         facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
         numbers.write_text(TOML.text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
     try:
-        return tuned_facts(folder.parent, "r", "law")
+        return TunedResult.facts(folder.parent, "r", "law")
     except InputError:
         return "of another version"
 

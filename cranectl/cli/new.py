@@ -121,29 +121,26 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
     from cranectl.cli.output import Screen
     from cranectl.scenario import RigFile
-    from cranectl.tools.measured.programme import (
-        predict_estimates,
-        propose_runs,
-        recording_map,
-        set_points_text,
-    )
-    from cranectl.tools.measured.report import estimates_table
+    from cranectl.tools.measured.programme import Programme
+    from cranectl.tools.measured.report import IdentificationReport
     from cranectl.tools.measured.suggestion import run_name
 
     rig, name, screen = RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
-    runs = propose_runs(rig, seed=seed, period=period)
+    runs = Programme.runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
-    texts = {directory / f"{name}-run-{k}.csv": set_points_text(run) for k, run in enumerate(runs, 1)}
+    texts = {
+        directory / f"{name}-run-{k}.csv": Programme.set_points_text(run) for k, run in enumerate(runs, 1)
+    }
     starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.state.axes[0]) for run in runs)
     notes = [
         f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
     ]
-    _write({**texts, mapping: "".join(notes) + recording_map(name, base)})
+    _write({**texts, mapping: "".join(notes) + Programme.recording_map(name, base)})
     screen.print(programme_table(runs))
-    estimates, unidentifiable = predict_estimates(runs[:-1], rig)
+    estimates, unidentifiable = Programme.predict_estimates(runs[:-1], rig)
     title = f"At best, from runs 1 to {len(runs) - 1}: if the crane is as the model, with the rig's encoders"
-    screen.print(estimates_table(estimates, title))
+    screen.print(IdentificationReport.estimates(estimates, title))
     if unidentifiable:
         names = ", ".join(unidentifiable)
         screen.print(f"not identifiable, with intervals as large as the numbers: {names}")
@@ -157,7 +154,7 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     import numpy as np
 
     from cranectl.report.table import Cell, Table
-    from cranectl.tools.measured.programme import largest_swing
+    from cranectl.tools.measured.programme import Programme
 
     rows = [
         Cell.row(
@@ -165,7 +162,7 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
             *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",
             *(f"{speed:.3g}" for speed in np.abs(run.commands).max(axis=0)),
-            f"{np.degrees(largest_swing(run).max()):.1f}",
+            f"{np.degrees(Programme.largest_swing(run).max()):.1f}",
         )
         for k, run in enumerate(runs, 1)
     ]

@@ -17,7 +17,7 @@ from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.cli.validate_results import print_results
 from cranectl.support import File, FileKind, InputError
-from cranectl.tools.measured.commands.files import map_option, sheets_option
+from cranectl.tools.measured.commands.files import MeasuredRuns
 from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 
 if TYPE_CHECKING:
@@ -52,8 +52,8 @@ if TYPE_CHECKING:
 @click.option(
     "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
 )
-@map_option("For measured files: map of their columns.")
-@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@MeasuredRuns.map_option("For measured files: map of their columns.")
+@MeasuredRuns.sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option("--tolerance", metavar="SIZE", help="For measured runs: the difference you accept, e.g. 5mm.")
 @Command.output_option("--junit", FileKind.XML, "Write JUnit XML, a test case for each case.")
 @Command.output_option("--report", FileKind.HTML, "Write one HTML page: verdict, limits, worst moments.")

@@ -26,7 +26,7 @@ from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
 from cranectl.tools.robustness.certificate.conservatism import LargestValues
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
-from cranectl.tools.robustness.report.tables import limit_table
+from cranectl.tools.robustness.report.tables import CertificateTables
 from tests.cli.conftest import Command
 from tests.ranges import ALL, ends
 
@@ -219,6 +219,6 @@ def test_the_smallest_gamma_is_a_gamma(weight: float, refusal: Command) -> None:
 @pytest.mark.parametrize("value", [0.0276, 0.02749, 0.1204, 0.3])
 def test_certified_delays_are_rounded_down(value: float) -> None:
     """The largest delay that is certified can be typed; rounded to the nearest it might be refused."""
-    row = limit_table([LargestValues(OperatingPoint(0.7), value, value, value, value)]).rows[0]
+    row = CertificateTables.limits([LargestValues(OperatingPoint(0.7), value, value, value, value)]).rows[0]
     for cell in row[1:]:
         assert 0.99 * value < float(cell.text) / 1e3 <= value * (1.0 + 1e-12)

@@ -42,16 +42,16 @@ def report_campaign(
     cranectl campaign report logs/campaign-lab-rig --unfinished --json -
     cranectl campaign report logs/campaign-lab-rig --max-failures 5% --junit junit.xml
     """
-    from cranectl.campaign.evaluation import analyse, analysis_json
+    from cranectl.campaign.evaluation import Analysis
     from cranectl.campaign.report.page import campaign_page
     from cranectl.campaign.results import read_results
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
-    analysis = analyse(results)
+    analysis = Analysis.of(results)
     campaign_page(analysis, Command.given()).write(page)
-    code = show_result(results, screen, judgement, analysis_json(analysis))
+    code = show_result(results, screen, judgement, Analysis.json(analysis))
     screen.print(f"report: {page}")
     return code
 

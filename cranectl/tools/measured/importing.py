@@ -25,7 +25,6 @@ from cranectl.tools.measured.clocks import (
     bridged,
     check_gaps,
     imported_part,
-    read_clock,
     sample_times,
 )
 from cranectl.tools.measured.mapping import (
@@ -197,7 +196,7 @@ def _record(source: LogSource, mapping: MeasuredMap, rig: RigParameters) -> Reco
     for signal in sources.values():
         key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]
         if key not in clocks:
-            clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
+            clocks[key] = Clock.read(heads[signal.file - 1], key[1], signal, str(path))
     begin, end = imported_part(sources, clocks, mapping)
     time_ns = sample_times((begin, end), next(iter(clocks.values())).period_ns, mapping)
     time = begin + time_ns / NANOSECONDS

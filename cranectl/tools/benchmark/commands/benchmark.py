@@ -117,11 +117,11 @@ def run_benchmark(
     from cranectl.cli.counts import Count
     from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.results import run_trials
-    from cranectl.tools.benchmark.settings import read_benchmark
+    from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.benchmark.trials import campaign_of, rules_of, trials_of
-    from cranectl.tools.benchmark.tuned import tuned_settings
+    from cranectl.tools.benchmark.tuned import TunedResult
 
-    settings = read_benchmark(benchmark)
+    settings = Benchmark.read(benchmark)
     names = measured_controllers(settings, controllers, trust=trust)
     trials = trials_of(settings, names, sets, scenarios, division=division)
     if not trials:
@@ -139,7 +139,7 @@ def run_benchmark(
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
     IdleSettings.print(screen, idle)
     numbers = functools.partial(
-        tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
+        TunedResult.settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
     campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
     with batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
@@ -209,25 +209,17 @@ def report_benchmark(
     from cranectl.tools.benchmark.report.page import benchmark_page, judged_divisions
     from cranectl.tools.benchmark.report.sets import TITLES, ranking_table
     from cranectl.tools.benchmark.results import collect_results, find_begun_trials
-    from cranectl.tools.benchmark.settings import read_benchmark
-    from cranectl.tools.benchmark.table import (
-        check_comparable,
-        join_tables,
-        read_table,
-        select_controllers,
-        write_table,
-    )
+    from cranectl.tools.benchmark.settings import Benchmark
+    from cranectl.tools.benchmark.table import BenchmarkTable
     from cranectl.tools.benchmark.trials import rules_of
 
-    settings = read_benchmark(benchmark)
+    settings = Benchmark.read(benchmark)
     rules, there = rules_of(settings), _table_place(result)
     if there.is_file():
-        judged_table = read_table(there)
-        check_comparable(judged_table, {"rules": rules, "seed": settings.seed})
+        judged_table = BenchmarkTable.read(there)
+        judged_table.check_comparable({"rules": rules, "seed": settings.seed})
         judged_table = (
-            select_controllers(judged_table, tuple(map(ControllerName.open, controllers)))
-            if controllers
-            else judged_table
+            judged_table.select(tuple(map(ControllerName.open, controllers))) if controllers else judged_table
         )
     else:
         names = measured_controllers(settings, controllers, trust=trust)
@@ -246,14 +238,14 @@ def report_benchmark(
         known = [name for name, facts in judged_table.about["laws"].items() if not facts["file"]]
         yours = judged_table.about["laws"].keys() - {*known, *controller_files(settings)}
     if beside is not None:
-        others = read_table(_table_place(beside))
-        judged_table, yours = join_tables([judged_table, others]), yours - others.about["laws"].keys()
+        others = BenchmarkTable.read(_table_place(beside))
+        judged_table, yours = BenchmarkTable.join([judged_table, others]), yours - others.about["laws"].keys()
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if there.is_file() else result
     benchmark_page(settings, judged_table, Command.given(), results, yours).write(page)
     if table is not None:
-        write_table(table, judged_table)
+        BenchmarkTable.write(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
     divisions = judged_divisions(settings, judged_table, yours)
     for judged in divisions:

@@ -64,30 +64,22 @@ def tune_command(
     from cranectl.cli.counts import Count
     from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.declared import variables_of
-    from cranectl.tools.benchmark.settings import read_benchmark
+    from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.benchmark.trials import rules_of
-    from cranectl.tools.benchmark.tuned import (
-        search_of,
-        tuned_files,
-        tuned_table,
-        unfinished_file,
-        unfinished_points,
-        write_points,
-        write_tuned,
-    )
+    from cranectl.tools.benchmark.tuned import TunedResult
     from cranectl.tools.benchmark.tuning import tune
 
-    benchmark = read_benchmark(benchmark_name)
+    benchmark = Benchmark.read(benchmark_name)
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
-    files, rules = tuned_files(out, name), rules_of(benchmark)
+    files, rules = TunedResult.files(out, name), rules_of(benchmark)
     plants = dict.fromkeys([benchmark.tuning_plant, benchmark.plant])
     runs_of = [(scenario, plant, name) for scenario in benchmark.tuning.scenarios for plant in plants]
     IdleSettings.print(
         screen, [*idle_in_benchmark(benchmark, runs_of), *IdleSettings.timeout_lines([name], timeout)]
     )
-    keys, search = [variable.key for variable in variables_of(name)], search_of(name, rules)
-    unfinished = unfinished_file(out, name)
-    if known := unfinished_points(unfinished, search):
+    keys, search = [variable.key for variable in variables_of(name)], TunedResult.search(name, rules)
+    unfinished = TunedResult.unfinished_file(out, name)
+    if known := TunedResult.read_unfinished(unfinished, search):
         screen.print(f"goes on after {len(known)} candidates in {unfinished}")
     total = (runs or benchmark.tuning.runs) + benchmark.tuning.validation_runs
     with Screen.progress_bar(total, name, unit="runs", done="done") as advance:
@@ -99,10 +91,10 @@ def tune_command(
             timeout=timeout,
             advance=advance,
             known=known,
-            keep=lambda points: write_points(unfinished, keys, points, {"search": search}),
+            keep=lambda points: TunedResult.write_points(unfinished, keys, points, {"search": search}),
         )
-    table = tuned_table(tuned, benchmark, rules)
-    write_tuned(tuned, table, files)
+    table = TunedResult.table(tuned, benchmark, rules)
+    TunedResult.write(tuned, table, files)
     unfinished.unlink(missing_ok=True)
     if not tuned.variables:
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")

@@ -12,7 +12,7 @@ from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.ranking import Judged
 from cranectl.tools.benchmark.report.sets import COMPARED, NAMED, finite, median, named, section_of
 from cranectl.tools.benchmark.settings import RADIUS_PREFIX, SINGLE_PREFIX
-from cranectl.tools.benchmark.table import Runs, restrict_to_common_cranes
+from cranectl.tools.benchmark.table import Runs
 from cranectl.tools.benchmark.trials import radius_sets, single_sets
 
 BEST = 5  # controllers whose single effects are not folded
@@ -127,7 +127,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
         rows = []
         for controller in judged.best_first:
             pairs = [
-                restrict_to_common_cranes([first, second])
+                Runs.in_common([first, second])
                 for scenario in benchmark.scenarios
                 if (first := judged.runs(name, scenario, controller)) is not None
                 and (second := judged.runs(name, scenario, controller, benchmark.second_plant)) is not None

@@ -16,7 +16,7 @@ from cranectl.support import Array, Mask
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.declared import information_class
 from cranectl.tools.benchmark.ranking import Judged, Standing, points_of, rest_time
-from cranectl.tools.benchmark.table import Runs, restrict_to_common_cranes
+from cranectl.tools.benchmark.table import Runs
 from cranectl.tools.benchmark.trials import Division
 
 OUR_CONTROLLER = "lqr-offset-free"
@@ -107,7 +107,7 @@ def _figures(judged: Judged, name: str) -> Iterator[Figure]:
     )
     controllers, tasks = [s.controller for s in standings], []
     for scenario in judged.shared_scenarios(name):
-        runs = restrict_to_common_cranes(
+        runs = Runs.in_common(
             [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
         )
         tasks.append(np.stack([run.task for run in runs]))  # (controllers, cranes that all of them have met)
@@ -205,7 +205,7 @@ def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool
     """Return RMS errors [mm] and unsettled times [s] less those of the baseline, as DIFFERENCES."""
     if baseline is None:
         return NOTHING * 2
-    both = restrict_to_common_cranes([runs, baseline])
+    both = Runs.in_common([runs, baseline])
     errors = times = NOTHING
     if sees_path:
         values = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both)

@@ -12,7 +12,7 @@ from cranectl.cli.completion import Completion
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind
-from cranectl.tools.measured.commands.files import map_option, read_measured, sheets_option
+from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
     from cranectl.tools.measured.replay import Replay
@@ -29,8 +29,8 @@ IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The c
     shell_complete=Completion.rigs,
     help="Name or TOML file of what is known of the crane.",
 )
-@map_option("Map of the columns of FILEs that are no logs.")
-@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@MeasuredRuns.map_option("Map of the columns of FILEs that are no logs.")
+@MeasuredRuns.sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option(
     "--replay",
     type=click.Choice(["commands", "lines", "motion"]),
@@ -73,34 +73,34 @@ def identify_command(
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
     from cranectl.scenario import RigFile
-    from cranectl.tools.measured.fit import fit_path, fit_text
+    from cranectl.tools.measured.fit import Fit
     from cranectl.tools.measured.identification import identify
     from cranectl.tools.measured.identified import campaign_text, rig_text
-    from cranectl.tools.measured.report import identification_page, identified_table, remarks
+    from cranectl.tools.measured.report import IdentificationReport
 
     path = out or Path("identified.toml")
-    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), Fit.path(path)
     given = [*files, *([map_file] if map_file else [])]
     for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, FileKind.JSON)):
         kind.check_place(file, inputs=given, option="--out")
-    measured = read_measured(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
+    measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]
     result = identify(runs, RigFile.load(rig), replay=replay, progress=screen.print)
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     with File(path).writing():
-        File(fit).write_text(fit_text(result, runs))
+        File(fit).write_text(Fit.text(result, runs))
         File(campaign).write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names))
         File(path).write_text(rig_text(result, base, names))
-    screen.print(identified_table(result))
-    screen.print_each(remarks(result, named))
+    screen.print(IdentificationReport.table(result))
+    screen.print_each(IdentificationReport.remarks(result, named))
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
     unused = f"FILE --map {shlex.quote(str(map_file))}" if map_file else "LOG"
     screen.print(f"judge runs that were not used: cranectl validate {unused} --rig {shlex.quote(str(path))}")
     if report is not None:
-        page = identification_page(result, named, Command.given())
+        page = IdentificationReport.page(result, named, Command.given())
         screen.save_page(page, report)
     screen.write_json(
         {

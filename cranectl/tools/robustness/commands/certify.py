@@ -97,9 +97,9 @@ def certify_command(
     from cranectl.tools.robustness.certificate.certify import certify, make_nominal_loops
     from cranectl.tools.robustness.certificate.conservatism import find_limits
     from cranectl.tools.robustness.certificate.linear_plant import LINEAR, NOT_LINEAR, present
-    from cranectl.tools.robustness.certificate.operating_points import OperatingPoint, grid_of
+    from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
     from cranectl.tools.robustness.certificate.structured import drive_margins
-    from cranectl.tools.robustness.report.tables import drive_table, limit_table, map_table, summary_lines
+    from cranectl.tools.robustness.report.tables import CertificateTables
 
     if time_constant is not None:
         request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVEN))
@@ -115,7 +115,7 @@ def certify_command(
     scaled_lengths = {max(length_scale.sized(length, size), shortest): None for length in ROPE_LENGTHS}
     scaled_tilts = [(tilt_scale.sized(alpha, size), tilt_scale.sized(beta, size)) for alpha, beta in TILTS]
     scaled_speeds = [speed_scale.sized(speed, size) for speed in HOISTING_SPEEDS]
-    points = grid_of(
+    points = OperatingPoint.grid(
         loaded,
         rope_lengths=rope_lengths or list(scaled_lengths),
         tilts=tilts or (scaled_tilts if flat else scaled_tilts[:1]),
@@ -130,11 +130,11 @@ def certify_command(
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
-    screen.print(map_table(certificate))
-    screen.print_each(summary_lines(certificate))
-    screen.print(drive_table(margins, certificate.worst))
+    screen.print(CertificateTables.map(certificate))
+    screen.print_each(CertificateTables.summary_lines(certificate))
+    screen.print(CertificateTables.drives(margins, certificate.worst))
     if limit_list:
-        screen.print(limit_table(limit_list))
+        screen.print(CertificateTables.limits(limit_list))
     taken, left = present(loaded.effects, LINEAR), present(loaded.effects, NOT_LINEAR)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:

@@ -67,7 +67,7 @@ def ladder_command(
     from cranectl.support import Provenance
     from cranectl.tools.robustness.ladder import evaluate_levels, simulated_seconds
     from cranectl.tools.robustness.levels import LEVELS, NAMES
-    from cranectl.tools.robustness.report.tables import ladder_table
+    from cranectl.tools.robustness.report.tables import LadderTables
 
     top = top or NAMES[-1]
     loaded = request.load()
@@ -82,7 +82,7 @@ def ladder_command(
             results.append(result)
     made_by = Provenance.now()
     Log({r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results}).write_overlay(log)
-    screen.print(ladder_table(results))
+    screen.print(LadderTables.differences(results))
     added = {result.level.name for result in results}
     unread = [*IdleSettings.OF_RUNS, *_other_effects(added)]
     IdleSettings.print_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)

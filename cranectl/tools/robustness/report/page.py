@@ -17,7 +17,7 @@ from cranectl.tools.robustness.certificate.loop import InnerLoop
 from cranectl.tools.robustness.certificate.nu_gap import complement, distance, orthonormal, smallest_sine
 from cranectl.tools.robustness.ladder import LevelResult, load_difference
 from cranectl.tools.robustness.levels import BASE
-from cranectl.tools.robustness.report import tables
+from cranectl.tools.robustness.report.tables import LadderTables
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
@@ -47,10 +47,10 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
             Figure.drawn("what each level adds", largest, deviation_dots, [*added], pair),
             Figure.drawn(distance, "", level_distances, results),
         )
-    costs = (tables.ladder_table(results),)
+    costs = (LadderTables.differences(results),)
     return (
         Section("costs", "What each effect costs", tables=costs, figures=figures),
-        Section("levels", "The levels", tables=(tables.levels_table(results),)),
+        Section("levels", "The levels", tables=(LadderTables.levels(results),)),
     )
 
 
