@@ -4,7 +4,7 @@ That is correlations, bands over a parameter, failures, Sobol indices and tornad
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.report.panels import MAX_SCATTER_POINTS, draw_bars, draw_cloud, spread_axis
 from cranectl.campaign.report.tables import METRIC_LABELS, CampaignTables
-from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
+from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
@@ -25,8 +26,6 @@ from cranectl.report.theme import Chart
 from cranectl.support import Array, Mask
 
 Rows = NDArray[np.intp]
-MAX_SCATTER_POINTS = 600  # of a scatter, all series together
-DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
 RISES, FALLS, BENT = Chart.SERIES[1], Chart.SERIES[0], Chart.SERIES[2]
@@ -67,7 +66,7 @@ class CampaignFigures:
             if all(np.isnan(group.metrics[metric]).all() for group in groups):
                 axes.set_xticks([])
                 axes.text(0.5, 0.5, "no run has it", ha="center", transform=axes.transAxes)
-            _spread_axis(axes, "x", [group.metrics[metric] for group in groups])
+            spread_axis(axes, "x", [group.metrics[metric] for group in groups])
         for axes in panels[:, 0]:
             axes.set_ylabel("share of runs")
         figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
@@ -93,8 +92,8 @@ class CampaignFigures:
                 *middle, marker, color=colour, markeredgecolor=Chart.STAND_IN["ink"], label=group.controller
             )
         axes.set(xlabel="effort: RMS of the commanded accelerations [m/s²]", ylabel="RMS error [m]")
-        _spread_axis(axes, "x", [group.metrics[EFFORT] for group in groups])
-        _spread_axis(axes, "y", [group.metrics["rms_error_m"] for group in groups])
+        spread_axis(axes, "x", [group.metrics[EFFORT] for group in groups])
+        spread_axis(axes, "y", [group.metrics["rms_error_m"] for group in groups])
         figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
         return figure
 
@@ -110,7 +109,7 @@ class CampaignFigures:
         for k, (axes, pair) in enumerate(zip(scatters, pairs, strict=True)):
             colour = CampaignFigures.style(k)["color"]
             a, b = pair.first.metrics[MEASURE], pair.second.metrics[MEASURE]
-            _cloud(axes, a, b, colour)
+            draw_cloud(axes, a, b, colour)
             axes.set_title(pair.first.controller)
             x_label, y_label = (f"largest error on {group.plant} [m]" for group in (pair.first, pair.second))
             axes.set(xlabel=x_label, ylabel=y_label)
@@ -213,7 +212,7 @@ class CampaignFigures:
         for axes, part in zip(panels, parts, strict=True):
             nominal = float(part.group.metrics[MEASURE][0])
             for row, parameter in enumerate(parameters):
-                _bars(
+                draw_bars(
                     axes,
                     row,
                     nominal,
@@ -228,51 +227,7 @@ class CampaignFigures:
         return figure
 
 
-def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
-    """Draw points, or of many points hexagons that are darker the more points they hold."""
-    both = ~np.isnan(x) & ~np.isnan(y)
-    x, y = x[both], y[both]
-    if not x.size:
-        axes.text(0.5, 0.5, "no sample completed on both", ha="center", transform=axes.transAxes)
-        return
-    ends = [min(x.min(), y.min()), max(x.max(), y.max())]
-    scale: Literal["log", "linear"] = "log" if 0.0 < ends[0] * 5.0 < ends[1] else "linear"
-    if x.size <= MAX_SCATTER_POINTS:
-        axes.plot(x, y, ".", markersize=4, alpha=0.6, color=colour)
-    else:
-        cells = axes.hexbin(x, y, gridsize=40, xscale=scale, yscale=scale, mincnt=1, linewidths=0.0)
-        counts = np.log1p(np.asarray(cells.get_array()))
-        cells.set_array(None)
-        cells.set_facecolor(colour)
-        cells.set_alpha(0.15 + 0.85 * counts / counts.max())
-    axes.set_axisbelow(True)
-    axes.plot(ends, ends, color=Chart.STAND_IN["reference"], linewidth=0.8, linestyle=(0, (5, 3)), zorder=0)
-    axes.set(xscale=scale, yscale=scale)
-
-
-def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
-    """Return "log" if the finite values span decades and none is 0, else "linear"."""
-    finite = np.concatenate(values)
-    finite = finite[np.isfinite(finite)]
-    if finite.size and finite.min() > 0.0 and finite.max() > DECADES * finite.min():
-        getattr(axes, f"set_{which}scale")("log")
-
-
 _ENDS = {Chart.SERIES[0]: "lowest value", Chart.SERIES[1]: "highest value", "muted": "between"}
-
-
-def _bars(axes: Axes, row: int, nominal: float, effects: Sequence[OneAtATimeEffect]) -> None:
-    values = [effect.value for effect in effects]
-    for effect in effects:
-        change = float(effect.metrics[MAIN_METRICS.index(MEASURE)]) - nominal
-        if np.isnan(change):
-            continue
-        if min(values) < effect.value < max(values):
-            axes.plot(change, row, "|", color=Chart.STAND_IN["muted"], markersize=10)
-            continue
-        low = effect.value == min(values)
-        colour = Chart.STAND_IN[Chart.SERIES[0] if low else Chart.SERIES[1]]
-        axes.barh(row + (-0.2 if low else 0.2), change, height=0.38, color=colour)
 
 
 def _over_parameters(

@@ -9,22 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.campaign.definition import Campaign, UncertainParameter
+from cranectl.campaign.definition import Campaign
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.manifest import Manifest
+from cranectl.campaign.report.cells import distribution_text, ends, listed_samples, tested
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import SobolIndices
-from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
 from cranectl.metrics import Metric
 from cranectl.report.table import Cell, Table
-from cranectl.support import Array
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures
-LISTED = 12  # sample indices in a cell
 METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in Metric.all() if m.compared}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
@@ -106,7 +104,7 @@ class CampaignTables:
         for metric in (*MAIN_METRICS, EFFORT):
             for part in parts:
                 values = part.group.metrics[metric]
-                least, largest = _ends(values)
+                least, largest = ends(values)
                 spread, runs = (
                     map(CampaignTables.number, (least, *quantiles(values), largest)),
                     np.isfinite(values).sum(),
@@ -201,8 +199,8 @@ class CampaignTables:
         campaign = analysis.results.campaign
         rows = []
         for parameter, values in zip(campaign.parameters, analysis.values.T, strict=True):
-            numbers = (parameter.nominal, *_ends(values))
-            texts = (parameter.name, describe(campaign, parameter.name).unit, _distribution(parameter))
+            numbers = (parameter.nominal, *ends(values))
+            texts = (parameter.name, describe(campaign, parameter.name).unit, distribution_text(parameter))
             rows.append(Cell.row(*texts, *(CampaignTables.number(value, 4) for value in numbers)))
         headings = ("parameter", "unit", "distribution in the plant", "nominal", "sampled from", "to")
         note = "The controller and its reference know the nominal values only."
@@ -224,7 +222,7 @@ class CampaignTables:
                     CampaignTables.percent(difference.better_share),
                 )
                 texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)
-                test = _tested(difference.p, tests, sampling, better)
+                test = tested(difference.p, tests, sampling, better)
                 rows.append(Cell.row(f"{one} minus {other}", *texts, *test))
         headings = (
             "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS),
@@ -248,9 +246,9 @@ class CampaignTables:
             failures, a, b = pair.failures, pair.first, pair.second
             one, other = (a.controller, b.controller) if a.plant == b.plant else (a.name, b.name)
             only, only_other = len(failures.first_only), len(failures.second_only)
-            lists = (_listed(failures.first_only), _listed(failures.second_only))
+            lists = (listed_samples(failures.first_only), listed_samples(failures.second_only))
             counts = map(str, (failures.neither, failures.both, only, only_other))
-            test = _tested(failures.p, len(pairs), sampling, one if only < only_other else other)
+            test = tested(failures.p, len(pairs), sampling, one if only < only_other else other)
             rows.append(Cell.row(one, other, *lists, *counts, *test))
         headings = (
             "one", "other", "only one fails on samples", "only the other on samples", "neither", "both",
@@ -309,36 +307,3 @@ def _sobol_cell(indices: SobolIndices | None, k: int) -> Cell:
         return Cell("–")
     low, high = indices.total_interval[:, k]
     return Cell(f"{indices.total[k]:.2f} ({low:.2f}–{high:.2f})", "good" if indices.important[k] else "")
-
-
-def _distribution(parameter: UncertainParameter) -> str:
-    facts: dict[str, Any] = parameter.distribution.model_dump(exclude_none=True)
-    kind, relative = facts.pop("distribution"), facts.pop("relative")
-    text = ", ".join(f"{key} {_short(value)}" for key, value in facts.items() if value != ())
-    return f"{kind}: {text}{', times the nominal value' if relative else ''}".rstrip(": ")
-
-
-def _short(value: Any) -> str:
-    if isinstance(value, tuple | list):
-        return " ".join(map(_short, value))
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _ends(values: Array) -> tuple[float | None, float | None]:
-    """Return the least and the largest finite value, or None."""
-    there = values[np.isfinite(values)]
-    return (there.min(), there.max()) if there.size else (None, None)
-
-
-def _tested(p: float, tests: int, sampling: str, better: str) -> tuple[str, str]:
-    """Return a p-value corrected for `tests`, and the better one if it is significant."""
-    if sampling not in INDEPENDENT:
-        return "–", "–"
-    corrected = min(1.0, p * tests)
-    text = "< 0.001" if corrected < 1e-3 else f"{corrected:.3f}"
-    return text, better if corrected < 1.0 - CONFIDENCE else "–"
-
-
-def _listed(samples: Sequence[int]) -> str:
-    shown = ", ".join(map(str, samples[:LISTED]))
-    return f"{shown} and {len(samples) - LISTED} more" if len(samples) > LISTED else shown or "none"

@@ -3,16 +3,14 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from matplotlib.figure import Figure as Drawing
 
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
 from cranectl.report.table import Cell, Table
-from cranectl.report.theme import Chart
 from cranectl.support import Quantity
-from cranectl.tools.measured.comparison import ReadingsComparison
 from cranectl.tools.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.tools.measured.identification import MAX_MISFIT, Estimate, Identification
 from cranectl.tools.measured.replay import REPEATED
+from cranectl.tools.measured.report_figures import MILLIMETRES, comparison_figure, intervals_figure
 from cranectl.tools.measured.uncertainty import BAND_DEVIATIONS, START
 from cranectl.tools.measured.verdict import (
     COVERED,
@@ -24,15 +22,8 @@ from cranectl.tools.measured.verdict import (
 )
 
 MARKS = {COVERED: "good", WITHIN_TOLERANCE: "open", NOT_DECIDED: "open", NOT_COVERED: "bad"}  # worst last
-MILLIMETRES = MILLIRADIANS = 1e3
+MILLIRADIANS = 1e3
 MIN_MISFIT = 0.25  # below which the stated noise hides errors
-CHANNEL_LABELS = {
-    "bridge_position": "bridge",
-    "trolley_position": "trolley",
-    "rope_length": "rope",
-    "alpha": "α, at the load",
-    "beta": "β, at the load",
-}
 INTERVALS_CAPTION = (
     "The 95 % interval of each number, as a share of its value. Dark: the standard deviation between runs. "
     "Pale: the whole interval, with the errors that all runs share."
@@ -123,10 +114,10 @@ class IdentificationReport:
         texts = tuple(
             f"{remark[0].upper()}{remark[1:]}." for remark in IdentificationReport.remarks(result, names)
         )
-        intervals = Figure.drawn("Intervals", INTERVALS_CAPTION, _intervals_figure, result, alone=True)
+        intervals = Figure.drawn("Intervals", INTERVALS_CAPTION, intervals_figure, result, alone=True)
         numbers = Section("numbers", "Numbers", texts, (IdentificationReport.table(result),), (intervals,))
         residuals = [
-            Figure.drawn(name, RESIDUALS_CAPTION, _comparison_figure, comparison, "fitted", alone=True)
+            Figure.drawn(name, RESIDUALS_CAPTION, comparison_figure, comparison, "fitted", alone=True)
             for name, comparison in zip(names, result.comparisons, strict=True)
         ]
         sections = (numbers, Section("residuals", "Residuals", figures=tuple(residuals)))
@@ -262,7 +253,7 @@ class VerdictReport:
         sections = [Section("answers", "Answers", tables=(VerdictReport.table(verdicts),))]
         for number, verdict in enumerate(verdicts, 1):
             data = verdict.comparison, "predicted", tolerance
-            drawn = Figure.drawn(verdict.name, caption, _comparison_figure, *data, alone=True)
+            drawn = Figure.drawn(verdict.name, caption, comparison_figure, *data, alone=True)
             texts = (VerdictReport.explanation(verdict, tolerance), *VerdictReport.asides(verdict))
             why = tuple(f"{text[0].upper()}{text[1:]}." for text in texts)
             title = f"{verdict.answer}: {verdict.name}"
@@ -288,49 +279,3 @@ def _shrinking_advice(verdict: RunVerdict) -> str:
         axis = AXES[int(verdict.widest_by.rpartition(".")[2])]
     runs = f"in which the {axis} starts and stops often" if axis else "in which the load swings more"
     return f". {verdict.widest_by} adds most to the band: identify with further runs {runs}"
-
-
-def _comparison_figure(comparison: ReadingsComparison, label: str, tolerance: float | None = None) -> Drawing:
-    """Draw a run with its prediction, and beside it the difference with its band; a row for each channel."""
-    rows = len(comparison.channels)
-    figure, grid = Chart.canvas(1.5 * Chart.WIDTH, 0.7 + 1.25 * rows, rows, 2, sharex=True, squeeze=False)
-    band = BAND_DEVIATIONS * comparison.deviation * MILLIMETRES
-    for k, (name, (run, difference)) in enumerate(zip(comparison.channels, grid, strict=True)):
-        time, blue, orange = comparison.time, Chart.STAND_IN[Chart.SERIES[0]], Chart.STAND_IN[Chart.SERIES[1]]
-        run.plot(time, comparison.measured[:, k], color=blue, label="measured")
-        run.plot(time, comparison.predicted[:, k], color=orange, linestyle=(0, (4, 2)), label=label)
-        run.set_ylabel(f"{CHANNEL_LABELS[name]} [m]")
-        grey = Chart.STAND_IN["muted"]
-        difference.fill_between(time, -band[:, k], band[:, k], color=grey, alpha=0.25, linewidth=0)
-        shown = MILLIMETRES * comparison.difference[:, k]
-        difference.plot(time, shown, color=blue, label=f"measured minus {label}")
-        if tolerance is not None and np.nanmax(np.abs([shown, band[:, k]])) > 0.3 * MILLIMETRES * tolerance:
-            for sign in (-1.0, 1.0):
-                difference.axhline(
-                    sign * MILLIMETRES * tolerance, color=Chart.STAND_IN["limit"], linewidth=0.8
-                )
-        difference.set_ylabel("difference [mm]")
-        for axes in (run, difference):
-            axes.margins(x=0.0, y=0.15)
-    for axes in grid[-1]:
-        axes.set_xlabel(Chart.TIME)
-    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
-
-def _intervals_figure(result: Identification) -> Drawing:
-    """Draw the interval of each number over its value, those from the spread between runs darker."""
-    known = [estimate for estimate in result.estimates if estimate.value != 0.0]
-    figure, axes = Chart.canvas(Chart.WIDTH, 0.7 + 0.24 * len(known))
-    for row, estimate in enumerate(known):
-        percent = 100.0 / abs(estimate.value)
-        for half, opacity, width in ((estimate.half_width, 0.35, 5.0), (estimate.spread, 1.0, 2.0)):
-            ends, style = [-percent * half, percent * half], {"alpha": opacity, "linewidth": width}
-            axes.plot(ends, [row, row], color=Chart.STAND_IN[Chart.SERIES[0]], solid_capstyle="butt", **style)
-    labels = [estimate.name.removeprefix("effects.") for estimate in known]
-    axes.set_yticks(range(len(known)), labels)
-    axes.invert_yaxis()
-    axes.set_xscale("symlog", linthresh=0.1)
-    axes.set_xlabel("deviation from the value [%]")
-    Chart.make_room(figure, labels)
-    return figure
