@@ -42,7 +42,7 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
     )
     @functools.wraps(function)
     def command(*given: Any, max_failures: str | None, junit: Path | None, **options: Any) -> Any:
-        from cranectl.campaign.failures import allowed_failures
+        from cranectl.campaign.failures import AllowedFailures
 
         if junit is not None and max_failures is None:
             raise InputError(
@@ -50,7 +50,7 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
                 allowed="--junit with --max-failures",
                 remedy="add --max-failures 5%",
             )
-        allowed = None if max_failures is None else allowed_failures(max_failures)
+        allowed = None if max_failures is None else AllowedFailures.parse(max_failures)
         return function(*given, judgement=Judgement(allowed, junit), **options)
 
     return command

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.report.panels import MAX_SCATTER_POINTS, draw_bars, draw_cloud, spread_axis
+from cranectl.campaign.report.panels import CampaignPanel
 from cranectl.campaign.report.tables import METRIC_LABELS, CampaignTables
 from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.settings import INDEPENDENT
@@ -66,7 +66,7 @@ class CampaignFigures:
             if all(np.isnan(group.metrics[metric]).all() for group in groups):
                 axes.set_xticks([])
                 axes.text(0.5, 0.5, "no run has it", ha="center", transform=axes.transAxes)
-            spread_axis(axes, "x", [group.metrics[metric] for group in groups])
+            CampaignPanel.spread(axes, "x", [group.metrics[metric] for group in groups])
         for axes in panels[:, 0]:
             axes.set_ylabel("share of runs")
         figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
@@ -76,7 +76,7 @@ class CampaignFigures:
     def effort_and_error(groups: Sequence[Group]) -> Figure:
         """Draw RMS error against effort, a point for each run; crosses span 90 % of a controller's runs."""
         figure, axes = Chart.canvas(Chart.WIDTH, 3.6)
-        points_each = MAX_SCATTER_POINTS // max(1, len(groups))
+        points_each = CampaignPanel.MAX_POINTS // max(1, len(groups))
         for k, group in enumerate(groups):
             x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
             rows = np.flatnonzero(group.completed)
@@ -92,8 +92,8 @@ class CampaignFigures:
                 *middle, marker, color=colour, markeredgecolor=Chart.STAND_IN["ink"], label=group.controller
             )
         axes.set(xlabel="effort: RMS of the commanded accelerations [m/s²]", ylabel="RMS error [m]")
-        spread_axis(axes, "x", [group.metrics[EFFORT] for group in groups])
-        spread_axis(axes, "y", [group.metrics["rms_error_m"] for group in groups])
+        CampaignPanel.spread(axes, "x", [group.metrics[EFFORT] for group in groups])
+        CampaignPanel.spread(axes, "y", [group.metrics["rms_error_m"] for group in groups])
         figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
         return figure
 
@@ -109,7 +109,7 @@ class CampaignFigures:
         for k, (axes, pair) in enumerate(zip(scatters, pairs, strict=True)):
             colour = CampaignFigures.style(k)["color"]
             a, b = pair.first.metrics[MEASURE], pair.second.metrics[MEASURE]
-            draw_cloud(axes, a, b, colour)
+            CampaignPanel.cloud(axes, a, b, colour)
             axes.set_title(pair.first.controller)
             x_label, y_label = (f"largest error on {group.plant} [m]" for group in (pair.first, pair.second))
             axes.set(xlabel=x_label, ylabel=y_label)
@@ -212,7 +212,7 @@ class CampaignFigures:
         for axes, part in zip(panels, parts, strict=True):
             nominal = float(part.group.metrics[MEASURE][0])
             for row, parameter in enumerate(parameters):
-                draw_bars(
+                CampaignPanel.bars(
                     axes,
                     row,
                     nominal,

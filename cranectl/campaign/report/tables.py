@@ -12,7 +12,7 @@ import numpy as np
 from cranectl.campaign.definition import Campaign
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.manifest import Manifest
-from cranectl.campaign.report.cells import distribution_text, ends, listed_samples, tested
+from cranectl.campaign.report.cells import CellText
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.statistics import LEVELS, quantiles
@@ -104,7 +104,7 @@ class CampaignTables:
         for metric in (*MAIN_METRICS, EFFORT):
             for part in parts:
                 values = part.group.metrics[metric]
-                least, largest = ends(values)
+                least, largest = CellText.ends(values)
                 spread, runs = (
                     map(CampaignTables.number, (least, *quantiles(values), largest)),
                     np.isfinite(values).sum(),
@@ -199,8 +199,12 @@ class CampaignTables:
         campaign = analysis.results.campaign
         rows = []
         for parameter, values in zip(campaign.parameters, analysis.values.T, strict=True):
-            numbers = (parameter.nominal, *ends(values))
-            texts = (parameter.name, describe(campaign, parameter.name).unit, distribution_text(parameter))
+            numbers = (parameter.nominal, *CellText.ends(values))
+            texts = (
+                parameter.name,
+                describe(campaign, parameter.name).unit,
+                CellText.distribution(parameter),
+            )
             rows.append(Cell.row(*texts, *(CampaignTables.number(value, 4) for value in numbers)))
         headings = ("parameter", "unit", "distribution in the plant", "nominal", "sampled from", "to")
         note = "The controller and its reference know the nominal values only."
@@ -222,7 +226,7 @@ class CampaignTables:
                     CampaignTables.percent(difference.better_share),
                 )
                 texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)
-                test = tested(difference.p, tests, sampling, better)
+                test = CellText.tested(difference.p, tests, sampling, better)
                 rows.append(Cell.row(f"{one} minus {other}", *texts, *test))
         headings = (
             "controllers", "metric", "samples", *(f"{100 * q:g} %" for q in LEVELS),
@@ -246,9 +250,9 @@ class CampaignTables:
             failures, a, b = pair.failures, pair.first, pair.second
             one, other = (a.controller, b.controller) if a.plant == b.plant else (a.name, b.name)
             only, only_other = len(failures.first_only), len(failures.second_only)
-            lists = (listed_samples(failures.first_only), listed_samples(failures.second_only))
+            lists = (CellText.samples(failures.first_only), CellText.samples(failures.second_only))
             counts = map(str, (failures.neither, failures.both, only, only_other))
-            test = tested(failures.p, len(pairs), sampling, one if only < only_other else other)
+            test = CellText.tested(failures.p, len(pairs), sampling, one if only < only_other else other)
             rows.append(Cell.row(one, other, *lists, *counts, *test))
         headings = (
             "one", "other", "only one fails on samples", "only the other on samples", "neither", "both",

@@ -10,7 +10,7 @@ from cranectl.support import Quantity
 from cranectl.tools.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.tools.measured.identification import MAX_MISFIT, Estimate, Identification
 from cranectl.tools.measured.replay import REPEATED
-from cranectl.tools.measured.report_figures import MILLIMETRES, comparison_figure, intervals_figure
+from cranectl.tools.measured.report_figures import MILLIMETRES, MeasuredFigures
 from cranectl.tools.measured.uncertainty import BAND_DEVIATIONS, START
 from cranectl.tools.measured.verdict import (
     COVERED,
@@ -114,10 +114,14 @@ class IdentificationReport:
         texts = tuple(
             f"{remark[0].upper()}{remark[1:]}." for remark in IdentificationReport.remarks(result, names)
         )
-        intervals = Figure.drawn("Intervals", INTERVALS_CAPTION, intervals_figure, result, alone=True)
+        intervals = Figure.drawn(
+            "Intervals", INTERVALS_CAPTION, MeasuredFigures.intervals, result, alone=True
+        )
         numbers = Section("numbers", "Numbers", texts, (IdentificationReport.table(result),), (intervals,))
         residuals = [
-            Figure.drawn(name, RESIDUALS_CAPTION, comparison_figure, comparison, "fitted", alone=True)
+            Figure.drawn(
+                name, RESIDUALS_CAPTION, MeasuredFigures.comparison, comparison, "fitted", alone=True
+            )
             for name, comparison in zip(names, result.comparisons, strict=True)
         ]
         sections = (numbers, Section("residuals", "Residuals", figures=tuple(residuals)))
@@ -253,7 +257,7 @@ class VerdictReport:
         sections = [Section("answers", "Answers", tables=(VerdictReport.table(verdicts),))]
         for number, verdict in enumerate(verdicts, 1):
             data = verdict.comparison, "predicted", tolerance
-            drawn = Figure.drawn(verdict.name, caption, comparison_figure, *data, alone=True)
+            drawn = Figure.drawn(verdict.name, caption, MeasuredFigures.comparison, *data, alone=True)
             texts = (VerdictReport.explanation(verdict, tolerance), *VerdictReport.asides(verdict))
             why = tuple(f"{text[0].upper()}{text[1:]}." for text in texts)
             title = f"{verdict.answer}: {verdict.name}"
