@@ -2,7 +2,7 @@
 
 import sys
 
-from cranectl.cli import exit_codes
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.support import Interruption
 
 
@@ -17,7 +17,7 @@ def main() -> int:
         if not Interruption.is_cause_of(error):
             raise
         sys.stderr.write("cranectl: interrupted\n")
-        return exit_codes.INTERRUPTED
+        return ExitCode.INTERRUPTED
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-from cranectl.report.page import write_page
 from cranectl.tools.benchmark.report.page import benchmark_page
-from cranectl.tools.benchmark.settings import read_benchmark
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.settings import Benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable
 from docs import api_pages, reading
 from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations
@@ -104,10 +103,10 @@ def write_data_pages(source: Path) -> None:
     for name, text in texts.items():
         (proofs / name).write_text(text, encoding="utf-8")
     command = f"cranectl benchmark report {JUDGED} --out literature.html"
-    judged = benchmark_page(read_benchmark("literature"), read_table(ROOT / JUDGED), command)
+    judged = benchmark_page(Benchmark.read("literature"), BenchmarkTable.read(ROOT / JUDGED), command)
     page = source / "extra" / BENCHMARK
     page.parent.mkdir(parents=True)
-    write_page(judged, page)
+    judged.write(page)
 
 
 def stage(source: Path) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
-from cranectl.cli.exit_codes import MEANINGS
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.list import DOCUMENTS, json_schema
 from cranectl.cli.main import COMMANDS
 from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
@@ -27,7 +27,7 @@ from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS
 from cranectl.planning import load_scenario
 from cranectl.report.table import Cell
-from cranectl.report.theme import standalone_svg
+from cranectl.report.theme import Chart
 from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
@@ -36,8 +36,8 @@ from cranectl.tools.benchmark.report.opening import caveats, conclusions, tuning
 from cranectl.tools.benchmark.report.page import judged_divisions
 from cranectl.tools.benchmark.report.pictures import KEY, set_pictures
 from cranectl.tools.benchmark.report.sets import NAMED, TITLES, finite, named
-from cranectl.tools.benchmark.settings import Benchmark, benchmark_file, read_benchmark
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file
+from cranectl.tools.benchmark.table import BenchmarkTable
 from docs.standings import statements
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -73,7 +73,7 @@ def metrics() -> str:
 
 def exit_codes() -> str:
     """Return the table of exit codes."""
-    return table(("code", "meaning"), ((str(code), meaning) for code, meaning in MEANINGS.items()))
+    return table(("code", "meaning"), ((str(code), code.meaning) for code in ExitCode))
 
 
 @functools.cache
@@ -137,7 +137,9 @@ def settings() -> str:
 def _divisions() -> list[Judged]:
     """Return the divisions of the shipped table."""
     file = benchmark_file("literature")
-    return judged_divisions(read_benchmark("literature"), read_table(file.parent / "literature.parquet"))
+    return judged_divisions(
+        Benchmark.read("literature"), BenchmarkTable.read(file.parent / "literature.parquet")
+    )
 
 
 def standings() -> str:
@@ -196,7 +198,7 @@ def pictures() -> dict[str, str]:
     """Return the pictures of the page of standings as SVG, by file."""
     tuned = _divisions()[0]
     figures = zip(tuned.ranked_sets, set_pictures(tuned), strict=True)
-    return {f"standings-{name}.svg": standalone_svg(figure.svg) for name, figure in figures}
+    return {f"standings-{name}.svg": Chart.standalone_svg(figure.svg) for name, figure in figures}
 
 
 def _controller_section(name: str) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from cranectl.report.table import listed
+from cranectl.report.table import Cell
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.declared import Variable
 from cranectl.tools.benchmark.ranking import Judged, Standing, rest_time
@@ -73,7 +73,7 @@ def of_our_controller(tuned: Judged, published: Judged) -> Text:
     }
     for name, found in sooner.items():
         if found:
-            where = listed([
+            where = Cell.listed([
                 f"`{s}` (unsettled {percent(a.unsettled)}, ours {percent(b.unsettled)}; effort "
                 f"{a.effort:.2f}, ours {b.effort:.2f} m/s²)"
                 for s, a, b in found
@@ -128,7 +128,7 @@ def of_tuning(tuned: Judged, published: Judged) -> Text:
     yield (
         f"**What tuning does.** On `{EXPLAINED_SET}` it makes {counted(marks.count('bad'), 'controller')} "
         f"fail more than chance explains, and {marks.count('good')} fail less. Among those that lose no "
-        f"crane there once they are tuned, some lose most of a scenario as published: {listed(mended)}. "
+        f"crane there once they are tuned, some lose most of a scenario as published: {Cell.listed(mended)}. "
         f"Validation chose published numbers for {counted(chosen.count('untuned'), 'controller')}. It chose "
         f"those of half the budget for {chosen.count('half')}, and those of all for {chosen.count('full')}. "
         f"Ours is unsettled for {percent(own.before.unsettled)} of the time before tuning and for "
@@ -259,7 +259,7 @@ def lost_cranes(judged: Judged, controller: str) -> str:
         for scenario in judged.shared_scenarios(crane_set)
         if (runs := judged.runs(crane_set, scenario, controller)) is not None and runs.failed.any()
     ]
-    return f"Cranes that it loses on `{crane_set}`: {listed(lost) or 'none'}."
+    return f"Cranes that it loses on `{crane_set}`: {Cell.listed(lost) or 'none'}."
 
 
 def is_sooner(standing: Standing, own: Standing) -> bool:
@@ -274,7 +274,7 @@ def on_all(signs: set[float], below: str, above: str) -> str:
 
 def named(controllers: Sequence[str]) -> str:
     """Return controllers as code, with `and` before the last."""
-    return listed([f"`{name}`" for name in controllers])
+    return Cell.listed([f"`{name}`" for name in controllers])
 
 
 def counted(number: int, noun: str) -> str:

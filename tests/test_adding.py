@@ -47,7 +47,7 @@ from cranectl.tools.robustness.certificate.linear_plant import LINEAR
 from cranectl.plants.capabilities import COMMON
 from cranectl.plants.registry import PLANTS, register_plant
 from cranectl.plants.trials import check_honest
-from cranectl.scenario.load import default_scenario, load_rig
+from cranectl.scenario.load import RigFile, default_scenario
 from cranectl.support.errors import InputError
 
 def swing(*overrides):
@@ -75,7 +75,7 @@ run = ["run", "fixed-position", "--set", "duration=0.02", "--set", "disturbances
 results = {
     "swing": swing("effects.hinge={}"),
     "free": swing(),
-    "stiffness": load_rig("harbour-crane").effects.hinge.stiffness,
+    "stiffness": RigFile.load("harbour-crane").effects.hinge.stiffness,
     "run": call(*run, "mujoco", "--set", "effects.hinge={}", "--out", "a.mcap"),
     "refused": call(*run, "analytic", "--set", "effects.hinge={}", "--out", "b.mcap"),
     "schema": call("list", "--schema", "scenario")[1],

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.load import load_campaign
-from cranectl.campaign.manifest import differences, manifest_of, software_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.compare import Differences
 from cranectl.controllers.controller import Controller
 from cranectl.controllers.registry import ALL_CONTROLLERS, OPEN, register_controller
@@ -29,7 +29,7 @@ from cranectl.simulate import Run, simulate_run
 from cranectl.support import sources
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
-from cranectl.tools.benchmark.tuned import tuned_facts
+from cranectl.tools.benchmark.tuned import TunedResult
 from tests.plants.own_models import HALL_NAMES, MODELS
 from tests.reference.recordings import scenario_text
 
@@ -111,7 +111,7 @@ def tuned(folder: Path, value: str) -> object:
         facts = {"runs": 1, "cost": {}, "failed": {}, "chosen": "full", "validation": {}}
         numbers.write_text(TOML.text({"law": "law", "code": loaded.code, "rules": "r", **facts}))
     try:
-        return tuned_facts(folder.parent, "r", "law")
+        return TunedResult.facts(folder.parent, "r", "law")
     except InputError:
         return "of another version"
 
@@ -135,7 +135,7 @@ def registered(folder: Path, value: str) -> object:
     close_controllers()
     OPEN.registered.pop("own", None)
     register_controller(Controller("own", "own", module.Plant, lambda _: (np.zeros(1), np.zeros(1))))
-    return software_of([], ["own"])["sources of own_law"]
+    return Manifest.software([], ["own"])["sources of own_law"]
 
 
 def compiled(folder: Path, value: str) -> object:
@@ -245,16 +245,16 @@ def test_a_recorded_motion_is_known_by_its_content(tmp_path: Path) -> None:
         uncertain = {"rig": {"load_mass": {"distribution": "uniform", "low": 0.9, "high": 1.1}}}
         path = path.with_name("campaign.toml")
         path.write_text(TOML.text({**settings, "runs": 2, "uncertain": uncertain}))
-        return manifest_of(load_campaign(path))
+        return Manifest.of(load_campaign(path))
 
     first = scenario("a", "path.csv", "0.7,0.7,-0.7")
     same = [scenario("b", "path.csv", "0.7,0.7,-0.7"), scenario("a2", "renamed.csv", "0.7,0.7,-0.7")]
     other = scenario("c", "path.csv", "0.8,0.7,-0.7")
     for path in same:
         assert Differences.of(run(first), run(path)) == ()
-        assert differences(campaign(first), campaign(path)) == []
+        assert Manifest.differences(campaign(first), campaign(path)) == []
     assert any("sha256" in line for line in Differences.of(run(first), run(other)))
-    assert differences(campaign(first), campaign(other))
+    assert Manifest.differences(campaign(first), campaign(other))
 
 
 def test_a_model_is_opened_again_when_a_file_that_it_includes_changes(tmp_path: Path) -> None:

@@ -57,7 +57,7 @@ def test_progress_is_written_into_a_pipe(
 ) -> None:
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
     text = ""
-    with output.progress_bar(20.0, "fixed-position, lqr") as advance:
+    with output.Screen.progress_bar(20.0, "fixed-position, lqr") as advance:
         advance(5.0)
         while "cranectl: fixed-position, lqr  5/20 s simulated\n" not in text:  # hangs if it is never printed
             text += capsys.readouterr().err

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from tests.conftest import ROOT
 
 pytestmark = pytest.mark.processor
@@ -125,7 +125,7 @@ def test_controllers_of_the_benchmark_are_prepared_with_the_same_bits() -> None:
     """Runs of the benchmark depend on kernels of BLAS only by the paths and by what controllers prepare."""
     first, *others = results(PREPARED)
     names = {key.split()[0] for key in first}
-    assert len(names) == len(read_benchmark("literature").laws)
+    assert len(names) == len(Benchmark.read("literature").laws)
     differing = {}
     for key, (numbers, path) in first.items():
         for other in others:

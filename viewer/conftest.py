@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, sync_playwright
 
-from cranectl.cli import exit_codes
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.main import main
 from viewer import tools
 from viewer.logs import CUT_OFF, FOUR_CRANES, KINDS, OVERLAYS, truncate, write_four_cranes
@@ -48,7 +48,7 @@ def logs(files: Path) -> dict[str, Path]:
         if CUT_OFF in arguments:
             truncate(paths["one-plant"], paths[CUT_OFF])
         code = main([argument.format_map(paths) for argument in arguments.split()])
-        assert code == (exit_codes.RUN_STOPPED if kind == "stopped-early" else exit_codes.GOOD), kind
+        assert code == (ExitCode.RUN_STOPPED if kind == "stopped-early" else ExitCode.GOOD), kind
     write_four_cranes(paths[FOUR_CRANES])
     return paths
 

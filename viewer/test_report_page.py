@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
-from cranectl.cli import exit_codes
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from viewer.studio import accessibility_violations, open_page, poll_until
@@ -44,8 +44,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a log, and its report beside it."""
     log = tmp_path_factory.mktemp("report") / "run.mcap"
     settings = ["--set", "duration=8", "--set", "disturbances=[{joint='beta', start=2.0, magnitude=1.0}]"]
-    assert main(["run", "fixed-position", *settings, "--out", str(log)]) == exit_codes.GOOD
-    assert main(["report", str(log), "--out", str(log.with_suffix(".html"))]) == exit_codes.GOOD
+    assert main(["run", "fixed-position", *settings, "--out", str(log)]) == ExitCode.GOOD
+    assert main(["report", str(log), "--out", str(log.with_suffix(".html"))]) == ExitCode.GOOD
     return log
 
 
@@ -119,7 +119,7 @@ def test_pages_of_campaigns_and_rigs_fit(
     monkeypatch.chdir(tmp_path)
     Path("narrow.toml").write_text(CAMPAIGN, encoding="utf-8")
     for command in PAGE_COMMANDS[name]:
-        assert main(command.split()) == exit_codes.GOOD, command
+        assert main(command.split()) == ExitCode.GOOD, command
     for scheme in ("light", "dark"):
         page = open_page(chromium, color_scheme=scheme)
         page.goto((tmp_path / f"{name}.html").as_uri())

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import campaign_of, manifest_of, open_models, software_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
@@ -85,7 +85,7 @@ def run_batches_on(
             allowed="controllers that each worker can start for itself",
             remedy="run the campaign here, or let a TOML file name its program",
         )
-    manifest = manifest_of(campaign)
+    manifest = Manifest.of(campaign)
     _check_installed(client, manifest["versions"])
     packed_manifest = packed(manifest, ALL_CONTROLLERS.opened.share(campaign.settings.controllers).files)
     # The key of a batch depends on campaign and software only, so Dask runs it once for several callers.
@@ -265,10 +265,10 @@ def _prepared(packed_manifest: bytes) -> PreparedCampaign:
     text, files = pickle.loads(zlib.decompress(packed_manifest))
     manifest = json.loads(text)
     open_again(SharedControllers(files))
-    open_models(manifest)
-    here = software_of(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
+    Manifest.open_models(manifest)
+    here = Manifest.software(manifest["campaign"]["plants"], manifest["campaign"]["controllers"])
     _check_software(here, manifest["versions"], f"worker {get_worker().address}")
-    return PreparedCampaign(campaign_of(manifest, "the manifest of the campaign"))
+    return PreparedCampaign(Manifest.campaign(manifest, "the manifest of the campaign"))
 
 
 def _cancelled() -> Stop:

@@ -11,16 +11,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.results import Results
-from cranectl.campaign.sensitivity import (
-    Correlations,
-    OneAtATimeEffect,
-    Separation,
-    SobolIndices,
-    correlations,
-    one_at_a_time_effects,
-    separations,
-    sobol_of,
-)
+from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect, Separation, SobolIndices
 from cranectl.campaign.statistics import quantiles, rank_correlations, sign_test
 from cranectl.campaign.summary import (
     MAIN_METRICS,
@@ -177,47 +168,47 @@ class Analysis:
         """The groups, one list for each plant."""
         return [list(parts) for _, parts in itertools.groupby(self.groups, lambda part: part.group.plant)]
 
+    @staticmethod
+    def of(results: Results) -> "Analysis":
+        """Compute all results of a campaign; the same campaign gives the same numbers."""
+        values, groups = parameter_values(results), groups_of(results)
+        reference = PLANTS.reference(results.campaign.settings.plants)
+        pairs = []
+        for a, b in itertools.combinations(groups, 2):
+            with_reference = reference in (a.plant, b.plant)
+            if a.plant == b.plant or (a.controller == b.controller and with_reference):
+                pairs.append(pair_of(a, b))
+        return Analysis(
+            results=results,
+            values=values,
+            groups=tuple(
+                _analyse_group(results, group, summary, values)
+                for group, summary in zip(groups, summarize(results), strict=True)
+            ),
+            controllers=tuple(pair for pair in pairs if pair.first.plant == pair.second.plant),
+            plants=tuple(pair for pair in pairs if pair.first.plant != pair.second.plant),
+            worst=examples(results, worst=LISTED_RUNS),
+        )
 
-def analyse(results: Results) -> Analysis:
-    """Compute all results of a campaign; the same campaign gives the same numbers."""
-    values, groups = parameter_values(results), groups_of(results)
-    reference = PLANTS.reference(results.campaign.settings.plants)
-    pairs = []
-    for a, b in itertools.combinations(groups, 2):
-        with_reference = reference in (a.plant, b.plant)
-        if a.plant == b.plant or (a.controller == b.controller and with_reference):
-            pairs.append(pair_of(a, b))
-    return Analysis(
-        results=results,
-        values=values,
-        groups=tuple(
-            _analyse_group(results, group, summary, values)
-            for group, summary in zip(groups, summarize(results), strict=True)
-        ),
-        controllers=tuple(pair for pair in pairs if pair.first.plant == pair.second.plant),
-        plants=tuple(pair for pair in pairs if pair.first.plant != pair.second.plant),
-        worst=examples(results, worst=LISTED_RUNS),
-    )
-
-
-def analysis_json(analysis: Analysis) -> dict[str, Any]:
-    """Return all results but the summary as plain data, with arrays as lists."""
-    return {
-        "influence": [Tree(part.to_json()).mapped(_plain) for part in analysis.groups],
-        "controllers": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.controllers],
-        "plants": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.plants],
-        "worst": [example._asdict() for example in analysis.worst],
-    }
+    @staticmethod
+    def json(analysis: "Analysis") -> dict[str, Any]:
+        """Return all results but the summary as plain data, with arrays as lists."""
+        return {
+            "influence": [Tree(part.to_json()).mapped(_plain) for part in analysis.groups],
+            "controllers": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.controllers],
+            "plants": [Tree(pair.to_json()).mapped(_plain) for pair in analysis.plants],
+            "worst": [example._asdict() for example in analysis.worst],
+        }
 
 
 def _analyse_group(results: Results, group: Group, summary: GroupSummary, values: Array) -> GroupAnalysis:
     sampling = results.campaign.settings.sampling
     if sampling == ONE_AT_A_TIME:
-        steps = one_at_a_time_effects(results, group, values)
+        steps = OneAtATimeEffect.all(results, group, values)
         return GroupAnalysis(group, summary, None, {}, steps, ())
-    indices = sobol_of(results, group) if sampling == "saltelli" else {}
-    strengths = correlations(results, group, values)
-    return GroupAnalysis(group, summary, strengths, indices, (), separations(results, group, values))
+    indices = SobolIndices.of(results, group) if sampling == "saltelli" else {}
+    strengths = Correlations.of(results, group, values)
+    return GroupAnalysis(group, summary, strengths, indices, (), Separation.all(results, group, values))
 
 
 def _plain(value: Any) -> Any:

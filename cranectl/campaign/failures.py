@@ -24,6 +24,20 @@ class AllowedFailures(NamedTuple):
         allowed = self.share * runs if self.number is None else self.number
         return runs > 0 and failures <= allowed
 
+    @staticmethod
+    def parse(text: str) -> "AllowedFailures":
+        """Read a number of runs, such as 2, or a share of them, such as 5%; raise InputError for others."""
+        if NUMBER.fullmatch(text):
+            return AllowedFailures(text.strip(), int(text))
+        match = PERCENT.fullmatch(text)
+        if match and (share := Fraction(match[1]) / 100) <= 1:
+            return AllowedFailures(f"{match[1]} %", None, share)
+        raise InputError(
+            f"--max-failures {text}",
+            allowed="a number of runs such as 2, or a share of them from 0% to 100% such as 5%",
+            remedy="write --max-failures 5%",
+        )
+
 
 class FailureVerdict(NamedTuple):
     """Whether the failures of the runs with one controller on one plant are as many as allowed or fewer."""
@@ -61,20 +75,6 @@ class FailureVerdict(NamedTuple):
             "failure_rate_interval": group.failure_rate_interval,
             "passed": self.kept,
         }
-
-
-def allowed_failures(text: str) -> AllowedFailures:
-    """Read a number of runs, such as 2, or a share of them, such as 5%; raise InputError for others."""
-    if NUMBER.fullmatch(text):
-        return AllowedFailures(text.strip(), int(text))
-    match = PERCENT.fullmatch(text)
-    if match and (share := Fraction(match[1]) / 100) <= 1:
-        return AllowedFailures(f"{match[1]} %", None, share)
-    raise InputError(
-        f"--max-failures {text}",
-        allowed="a number of runs such as 2, or a share of them from 0% to 100% such as 5%",
-        remedy="write --max-failures 5%",
-    )
 
 
 def judge_failures(groups: Sequence[GroupSummary], allowed: AllowedFailures) -> tuple[FailureVerdict, ...]:

@@ -21,7 +21,7 @@ from cranectl.campaign.definition import (
 )
 from cranectl.campaign.distributions import FewValues
 from cranectl.campaign.sampling import gaussian_copula, sample_values
-from cranectl.campaign.settings import COUNTED, INDEPENDENT, CampaignSettings, read_campaign
+from cranectl.campaign.settings import COUNTED, INDEPENDENT, CampaignSettings
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS
@@ -58,7 +58,7 @@ def load_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) ->
     Raises InputError for mistakes in the file, contradictions to the scenario, and single parameters with
     values that are not allowed. Values that are wrong only in combination are found by `sampled_scenario`.
     """
-    return make_campaign(read_campaign(name_or_path, overrides=overrides))
+    return make_campaign(CampaignSettings.read(name_or_path, overrides=overrides))
 
 
 def make_campaign(settings: CampaignSettings) -> Campaign:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.campaign.definition import nominal_scenario, sampled_scenario
-from cranectl.campaign.manifest import changes_of_software, resume_command
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sampling import sample_values
 from cranectl.campaign.summary import worst_first
@@ -74,7 +74,7 @@ def chosen_rows(
         raise InputError(
             f"{results.directory} has no such run yet",
             allowed="runs that have been run",
-            remedy=f"complete it with {resume_command(results.manifest) or RESUME}",
+            remedy=f"complete it with {Manifest.resume_command(results.manifest) or RESUME}",
         )
     if not samples:
         rows = worst_first(results, metric, np.flatnonzero(chosen))[:worst]
@@ -157,7 +157,9 @@ def replay_run(
         status=run.status.label,
         max_error_m=None if metrics is None else metrics.max_error_m,
         differences=tuple(differences(recorded, repeated)),
-        software_differences=changes_of_software(origin.versions, settings.plants, settings.controllers),
+        software_differences=Manifest.changes_of_software(
+            origin.versions, settings.plants, settings.controllers
+        ),
     )
 
 

@@ -21,18 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cranectl.campaign.definition import Batch, Campaign, batches_of
-from cranectl.campaign.manifest import (
-    SoftwareOrigin,
-    campaign_of,
-    checked_manifest,
-    differences,
-    manifest_of,
-    origin_of,
-    origins_of,
-    resume_command,
-    software_of,
-    start_facts,
-)
+from cranectl.campaign.manifest import Manifest, SoftwareOrigin
 from cranectl.campaign.table import ResultDamageError, Row, arrow_schema, part_name, read_part, write_part
 from cranectl.scenario import HeldFiles
 from cranectl.support import JSON, File, InputError, Provenance, Table
@@ -61,7 +50,7 @@ class Results:
     @property
     def origins(self) -> list[SoftwareOrigin]:
         """All software that may have made runs, beginning with the software of the start."""
-        return origins_of(self.manifest)
+        return Manifest.origins(self.manifest)
 
     @property
     def missing_runs(self) -> int:
@@ -96,9 +85,9 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
 
     directory = Path(directory)
     manifest = read_manifest(directory)
-    campaign = campaign_of(manifest, str(directory / MANIFEST_FILE))
+    campaign = Manifest.campaign(manifest, str(directory / MANIFEST_FILE))
     campaign = replace(campaign, nominal=campaign.nominal.with_files(HeldFiles(directory).read()))
-    origins = origins_of(manifest)
+    origins = Manifest.origins(manifest)
     parts, damaged = _survey(directory, campaign, origins)
     if damaged:
         named = [f"{path.name}: {why}" for path, why in damaged.items()]
@@ -106,14 +95,15 @@ def read_results(directory: str | Path, *, unfinished: bool = False) -> Results:
         raise InputError(
             f"damaged parts in {directory / PARTS}: {'; '.join(named[:SHOWN_PARTS])}{more}",
             allowed="each part once, as it was written",
-            remedy=f"rename them and run their batches again with {resume_command(manifest) or RESUME}",
+            remedy="rename them and run their batches again with "
+            f"{Manifest.resume_command(manifest) or RESUME}",
         )
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     if missing and not unfinished:
         raise InputError(
             f"{directory} is not finished: {len(missing)} of {len(batches_of(campaign))} parts are missing",
             allowed="a result with all of its runs",
-            remedy=f"complete it with {resume_command(manifest) or RESUME}",
+            remedy=f"complete it with {Manifest.resume_command(manifest) or RESUME}",
         )
     schema = arrow_schema(campaign, {"campaign": campaign.settings.name, "identity": origins[0].identity})
     tables = [table.replace_schema_metadata(schema.metadata) for table, _ in parts.values()]
@@ -140,7 +130,7 @@ def read_manifest(directory: Path) -> Table:
             allowed="a result as 'cranectl campaign run' has written it",
             remedy="restore the file, or remove the directory and run the campaign again",
         ) from None
-    return checked_manifest(manifest, str(path))
+    return Manifest.checked(manifest, str(path))
 
 
 def _survey(
@@ -183,61 +173,63 @@ class Store:
                 remedy="make room and go on with --resume: finished batches are kept",
             ) from None
 
+    @staticmethod
+    @contextmanager
+    def open(
+        campaign: Campaign,
+        directory: Path,
+        *,
+        resume: bool = False,
+        despite_differences: bool = False,
+        overwrite: bool = False,
+        command: Sequence[str] = (),
+    ) -> "Iterator[Store]":
+        """Lock the result in `directory` for writing, and make it if it does not exist.
 
-@contextmanager
-def open_store(
-    campaign: Campaign,
-    directory: Path,
-    *,
-    resume: bool = False,
-    despite_differences: bool = False,
-    overwrite: bool = False,
-    command: Sequence[str] = (),
-) -> Iterator[Store]:
-    """Lock the result in `directory` for writing, and make it if it does not exist.
+        A new result stores `command` as the command that began it. Raises InputError in these cases:
 
-    A new result stores `command` as the command that began it. Raises InputError in these cases:
+        - Another process has locked the result.
+        - A result exists, and neither `resume` nor `overwrite` is set.
+        - The result to resume is of another campaign.
+        - It was made by other software, and `despite_differences` is not set.
+        """
+        from filelock import FileLock, Timeout
 
-    - Another process has locked the result.
-    - A result exists, and neither `resume` nor `overwrite` is set.
-    - The result to resume is of another campaign.
-    - It was made by other software, and `despite_differences` is not set.
-    """
-    from filelock import FileLock, Timeout
-
-    _check_empty(directory)
-    lock = FileLock(directory / LOCK_FILE)  # the system releases it even if the process is killed
-    with File(directory).writing(remedy=ELSEWHERE):
-        (directory / PARTS).mkdir(parents=True, exist_ok=True)
-        try:
-            locked = lock.acquire(blocking=False)
-        except Timeout:
-            raise InputError(
-                f"another process is writing {directory}",
-                allowed="one process for each result",
-                remedy="wait for it, or choose another place with --out",
-            ) from None
-    with locked:
-        manifest = manifest_of(campaign) | start_facts(campaign, directory, command)
-        _check_empty(directory)  # again, because another process may have written since the first check
-        if overwrite:
-            _clear(directory)
-        if File(directory / MANIFEST_FILE).exists():
-            known = read_manifest(directory)
-            _check_same(directory, known, manifest, resume=resume)
-            manifest |= _software(directory, known, manifest["versions"], accepted=despite_differences)
-            manifest["command"] = known.get("command", [])
+        _check_empty(directory)
+        lock = FileLock(directory / LOCK_FILE)  # the system releases it even if the process is killed
         with File(directory).writing(remedy=ELSEWHERE):
-            File(directory / MANIFEST_FILE).write_text(
-                json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
-            )
-            HeldFiles(directory).write(campaign.nominal.held_files)
-        try:
-            yield _prepared(directory, campaign, manifest)
-        except InputError:
-            if not any((directory / PARTS).iterdir()):  # without runs the result would only block a new one
+            (directory / PARTS).mkdir(parents=True, exist_ok=True)
+            try:
+                locked = lock.acquire(blocking=False)
+            except Timeout:
+                raise InputError(
+                    f"another process is writing {directory}",
+                    allowed="one process for each result",
+                    remedy="wait for it, or choose another place with --out",
+                ) from None
+        with locked:
+            manifest = Manifest.of(campaign) | Manifest.start_facts(campaign, directory, command)
+            _check_empty(directory)  # again, because another process may have written since the first check
+            if overwrite:
                 _clear(directory)
-            raise
+            if File(directory / MANIFEST_FILE).exists():
+                known = read_manifest(directory)
+                _check_same(directory, known, manifest, resume=resume)
+                manifest |= _software(directory, known, manifest["versions"], accepted=despite_differences)
+                manifest["command"] = known.get("command", [])
+            with File(directory).writing(remedy=ELSEWHERE):
+                File(directory / MANIFEST_FILE).write_text(
+                    json.dumps(manifest, indent=2, ensure_ascii=False) + "\n"
+                )
+                HeldFiles(directory).write(campaign.nominal.held_files)
+            try:
+                yield _prepared(directory, campaign, manifest)
+            except InputError:
+                if not any(
+                    (directory / PARTS).iterdir()
+                ):  # without runs the result would only block a new one
+                    _clear(directory)
+                raise
 
 
 def _check_empty(directory: Path) -> None:
@@ -264,7 +256,7 @@ def _check_same(directory: Path, manifest: Table, expected: Table, *, resume: bo
             allowed="a new or an empty directory",
             remedy="complete it with --resume, replace it with --overwrite, or choose another --out",
         )
-    different = differences(manifest, expected)
+    different = Manifest.differences(manifest, expected)
     if different:
         more = f" and {len(different) - SHOWN_PARTS} more" if len(different) > SHOWN_PARTS else ""
         raise InputError(
@@ -294,13 +286,15 @@ def _prepared(directory: Path, campaign: Campaign, manifest: Table) -> Store:
     """Remove half-written files of a killed process, rename damaged parts, and list what is missing."""
     for unfinished in (directory / PARTS).glob("part-*.parquet.*.part"):
         unfinished.unlink()
-    parts, damaged = _survey(directory, campaign, origins_of(manifest))
+    parts, damaged = _survey(directory, campaign, Manifest.origins(manifest))
     missing = tuple(batch for batch in batches_of(campaign) if batch not in parts)
     quarantined = []
     for path, why in damaged.items():
         renamed = path.replace(path.with_name(f"{path.name}{QUARANTINED}"))
         quarantined.append(f"{path.name} was damaged ({why}); now {renamed.name}")
-    origin = origin_of(manifest, software_of(campaign.settings.plants, campaign.settings.controllers))
+    origin = Manifest.origin(
+        manifest, Manifest.software(campaign.settings.plants, campaign.settings.controllers)
+    )
     return Store(directory, campaign, origin, missing, tuple(quarantined))
 
 

@@ -53,6 +53,12 @@ class SobolIndices:
         above: Mask = self.total_interval[0] > IMPORTANT_SHARE
         return above
 
+    @staticmethod
+    def of(results: Results, group: Group) -> "dict[str, SobolIndices]":
+        """Return the Sobol indices of all metrics that have any, by metric."""
+        by_metric = {name: sobol_indices(results.campaign, group.metrics[name]) for name in MAIN_METRICS}
+        return {name: indices for name, indices in by_metric.items() if indices is not None}
+
 
 def sobol_indices(campaign: Campaign, outputs: Array) -> SobolIndices | None:
     """Compute Sobol indices from the outputs (runs,) of a Saltelli design.
@@ -140,6 +146,27 @@ class Correlations:
         rho = np.where(self.significant, np.abs(np.nan_to_num(self.rho)), 0.0)
         return np.where(self.bent, np.maximum(np.nan_to_num(self.eta), rho), rho)
 
+    @staticmethod
+    def of(results: Results, group: Group, values: Array) -> "Correlations":
+        """Compute all correlations of a group; `values` (samples, d) are those of the parameters.
+
+        Only samples that were drawn independently count.
+        """
+        columns = compared_parameters(results)
+        rows = independent_rows(results)
+        x = values[rows][:, columns]
+        bins = [equal_bins(column, BINS) for column in x.T]
+        rho, eta, p = (np.full((len(columns), len(MAIN_METRICS)), np.nan) for _ in range(3))
+        runs = np.zeros(len(MAIN_METRICS), dtype=np.intp)
+        for k, metric in enumerate(MAIN_METRICS):
+            y = group.metrics[metric][rows]
+            runs[k] = complete_rows(x, y).sum()
+            rho[:, k] = rank_correlations(x, y)
+            eta[:, k], p[:, k] = between_bins(bins, y)
+        floors = np.array([noise_floor(int(n), 2 * rho.size) for n in runs])  # ρ and η of each
+        names = tuple(results.campaign.names[k] for k in columns)
+        return Correlations(group.plant, group.controller, names, MAIN_METRICS, rho, runs, floors, eta, p)
+
 
 @dataclass(frozen=True)
 class Separation:
@@ -151,6 +178,30 @@ class Separation:
     failed_median: float
     other_median: float
 
+    @staticmethod
+    def all(results: Results, group: Group, values: Array) -> "tuple[Separation, ...]":
+        """Return one separation for each parameter, the largest first; none unless only some runs failed."""
+        rows = independent_rows(results)
+        failed = group.failed[rows]
+        good = group.has_run[rows] & ~failed
+        if not (failed.any() and good.any()):
+            return ()
+        columns = compared_parameters(results)
+        result = []
+        for column in columns:
+            x = values[rows, column]
+            distance, p = kolmogorov_smirnov(x[failed], x[good])
+            result.append(
+                Separation(
+                    parameter=results.campaign.names[column],
+                    distance=distance,
+                    significant=bool(p * len(columns) < 1.0 - CONFIDENCE),
+                    failed_median=float(quantiles(x[failed], (0.5,))[0]),
+                    other_median=float(quantiles(x[good], (0.5,))[0]),
+                )
+            )
+        return tuple(sorted(result, key=lambda separation: -separation.distance))
+
 
 @dataclass(frozen=True)
 class OneAtATimeEffect:
@@ -161,26 +212,20 @@ class OneAtATimeEffect:
     value: float
     metrics: Array
 
-
-def correlations(results: Results, group: Group, values: Array) -> Correlations:
-    """Compute all correlations of a group; `values` (samples, d) are those of the parameters.
-
-    Only samples that were drawn independently count.
-    """
-    columns = compared_parameters(results)
-    rows = independent_rows(results)
-    x = values[rows][:, columns]
-    bins = [equal_bins(column, BINS) for column in x.T]
-    rho, eta, p = (np.full((len(columns), len(MAIN_METRICS)), np.nan) for _ in range(3))
-    runs = np.zeros(len(MAIN_METRICS), dtype=np.intp)
-    for k, metric in enumerate(MAIN_METRICS):
-        y = group.metrics[metric][rows]
-        runs[k] = complete_rows(x, y).sum()
-        rho[:, k] = rank_correlations(x, y)
-        eta[:, k], p[:, k] = between_bins(bins, y)
-    floors = np.array([noise_floor(int(n), 2 * rho.size) for n in runs])  # ρ and η of each
-    names = tuple(results.campaign.names[k] for k in columns)
-    return Correlations(group.plant, group.controller, names, MAIN_METRICS, rho, runs, floors, eta, p)
+    @staticmethod
+    def all(results: Results, group: Group, values: Array) -> "tuple[OneAtATimeEffect, ...]":
+        """Return the runs of a one-at-a-time design from sample 1 on; sample 0 has the nominal values."""
+        campaign = results.campaign
+        columns = [k for k, p in enumerate(campaign.parameters) for _ in p.distribution.end_points()]
+        return tuple(
+            OneAtATimeEffect(
+                sample=sample,
+                parameter=campaign.names[column],
+                value=float(values[sample, column]),
+                metrics=np.array([group.metrics[name][sample] for name in MAIN_METRICS]),
+            )
+            for sample, column in enumerate(columns, 1)
+        )
 
 
 def independent_rows(results: Results) -> NDArray[np.intp]:
@@ -190,48 +235,3 @@ def independent_rows(results: Results) -> NDArray[np.intp]:
     if campaign.settings.sampling == "saltelli":
         rows = rows[rows % (len(campaign.varied) + 2) < 2]
     return rows
-
-
-def sobol_of(results: Results, group: Group) -> dict[str, SobolIndices]:
-    """Return the Sobol indices of all metrics that have any, by metric."""
-    by_metric = {name: sobol_indices(results.campaign, group.metrics[name]) for name in MAIN_METRICS}
-    return {name: indices for name, indices in by_metric.items() if indices is not None}
-
-
-def separations(results: Results, group: Group, values: Array) -> tuple[Separation, ...]:
-    """Return one separation for each parameter, the largest first; none unless only some runs failed."""
-    rows = independent_rows(results)
-    failed = group.failed[rows]
-    good = group.has_run[rows] & ~failed
-    if not (failed.any() and good.any()):
-        return ()
-    columns = compared_parameters(results)
-    result = []
-    for column in columns:
-        x = values[rows, column]
-        distance, p = kolmogorov_smirnov(x[failed], x[good])
-        result.append(
-            Separation(
-                parameter=results.campaign.names[column],
-                distance=distance,
-                significant=bool(p * len(columns) < 1.0 - CONFIDENCE),
-                failed_median=float(quantiles(x[failed], (0.5,))[0]),
-                other_median=float(quantiles(x[good], (0.5,))[0]),
-            )
-        )
-    return tuple(sorted(result, key=lambda separation: -separation.distance))
-
-
-def one_at_a_time_effects(results: Results, group: Group, values: Array) -> tuple[OneAtATimeEffect, ...]:
-    """Return the runs of a one-at-a-time design from sample 1 on; sample 0 has the nominal values."""
-    campaign = results.campaign
-    columns = [k for k, p in enumerate(campaign.parameters) for _ in p.distribution.end_points()]
-    return tuple(
-        OneAtATimeEffect(
-            sample=sample,
-            parameter=campaign.names[column],
-            value=float(values[sample, column]),
-            metrics=np.array([group.metrics[name][sample] for name in MAIN_METRICS]),
-        )
-        for sample, column in enumerate(columns, 1)
-    )

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from cranectl.campaign.distributions import DISTRIBUTIONS, AnyDistribution, Distribution
 from cranectl.metrics import Limits
 from cranectl.plants import PLANTS, Drive
-from cranectl.scenario import RuleError, Settings, override, rig_place
+from cranectl.scenario import RigFile, RuleError, Settings, override
 from cranectl.support import MAX_RUNS, TOML, InputError, Shipped, Tree
 
 COUNTED = ("grid", "one-at-a-time")  # samplings whose number of runs follows from the parameters
@@ -84,44 +84,44 @@ class CampaignSettings(Settings):
             )
         return self
 
+    @staticmethod
+    def shipped_names() -> list[str]:
+        """Return the names of the shipped campaigns."""
+        return Shipped.CAMPAIGNS.names()
 
-def campaign_names() -> list[str]:
-    """Return the names of the shipped campaigns."""
-    return Shipped.CAMPAIGNS.names()
+    @staticmethod
+    def file_of(name_or_path: str | Path) -> Path:
+        """Return the file of a campaign; raise InputError if there is none."""
+        return Shipped.CAMPAIGNS.file(str(name_or_path))
 
+    @staticmethod
+    def read(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> "CampaignSettings":
+        """Read a campaign by name or from a TOML file; `overrides` are settings such as `"runs=100"`.
 
-def campaign_file(name_or_path: str | Path) -> Path:
-    """Return the file of a campaign; raise InputError if there is none."""
-    return Shipped.CAMPAIGNS.file(str(name_or_path))
+        Raises InputError for mistakes in the file itself; `load_campaign` checks it against the scenario.
+        """
+        path = CampaignSettings.file_of(name_or_path)
+        table = TOML.read(path)
+        if isinstance(table.get("rig"), str):
+            table["rig"] = str(RigFile.place(table["rig"], path.parent))
+        if isinstance(table.get("plants"), list):
+            table["plants"] = [str(RigFile.place(str(name), path.parent)) for name in table["plants"]]
+        return CampaignSettings.parse(table, path.name, overrides)
 
+    @staticmethod
+    def parse(stated: Mapping[str, Any], source: str, overrides: Sequence[str] = ()) -> "CampaignSettings":
+        """Return the settings in the table of a campaign, changed by `overrides` such as `"runs=100"`.
 
-def read_campaign(name_or_path: str | Path, *, overrides: Sequence[str] = ()) -> CampaignSettings:
-    """Read a campaign by name or from a TOML file; `overrides` are settings such as `"runs=100"`.
-
-    Raises InputError for mistakes in the file itself; `load_campaign` checks it against the scenario.
-    """
-    path = campaign_file(name_or_path)
-    table = TOML.read(path)
-    if isinstance(table.get("rig"), str):
-        table["rig"] = str(rig_place(table["rig"], path.parent))
-    if isinstance(table.get("plants"), list):
-        table["plants"] = [str(rig_place(str(name), path.parent)) for name in table["plants"]]
-    return parse_campaign(table, path.name, overrides)
-
-
-def parse_campaign(stated: Mapping[str, Any], source: str, overrides: Sequence[str] = ()) -> CampaignSettings:
-    """Return the settings in the table of a campaign, changed by `overrides` such as `"runs=100"`.
-
-    Raises InputError that names the mistake in `source`.
-    """
-    table = override(stated, overrides) if overrides else dict(stated)
-    if isinstance(table.get("uncertain"), Mapping):
-        table["uncertain"] = _distributions(table["uncertain"], source)
-    settings = CampaignSettings.from_table(table, source, overrides=overrides, before=stated)
-    plants = tuple(PLANTS.find(name).name for name in settings.plants)
-    for name in plants:
-        PLANTS.entry(name).check_campaigns()
-    return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
+        Raises InputError that names the mistake in `source`.
+        """
+        table = override(stated, overrides) if overrides else dict(stated)
+        if isinstance(table.get("uncertain"), Mapping):
+            table["uncertain"] = _distributions(table["uncertain"], source)
+        settings = CampaignSettings.from_table(table, source, overrides=overrides, before=stated)
+        plants = tuple(PLANTS.find(name).name for name in settings.plants)
+        for name in plants:
+            PLANTS.entry(name).check_campaigns()
+        return settings if plants == settings.plants else settings.model_copy(update={"plants": plants})
 
 
 def is_distribution(value: Any) -> bool:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.campaign.manifest import changes_of_software
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.results import Results
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.table import FAILED, METRIC_COLUMNS
@@ -259,7 +259,11 @@ def makers(results: Results) -> tuple[Maker, ...]:
     settings = results.campaign.settings
     counts = np.bincount(results.made_by, minlength=len(results.origins)).tolist()
     return tuple(
-        Maker(count, dict(versions), changes_of_software(versions, settings.plants, settings.controllers))
+        Maker(
+            count,
+            dict(versions),
+            Manifest.changes_of_software(versions, settings.plants, settings.controllers),
+        )
         for (_, versions), count in zip(results.origins, counts, strict=True)
         if count
     )

@@ -19,7 +19,7 @@ from time import perf_counter
 from typing import Self
 
 from cranectl.campaign.definition import Batch, Campaign
-from cranectl.campaign.manifest import campaign_of, manifest_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
@@ -137,7 +137,7 @@ class Children:
             child = self._idle.pop()
         except IndexError:
             child = Child.spawn(_serve_requests)
-        child.send((manifest_of(campaign), ALL_CONTROLLERS.opened.share(campaign.settings.controllers)))
+        child.send((Manifest.of(campaign), ALL_CONTROLLERS.opened.share(campaign.settings.controllers)))
         return child
 
     def give_back(self, child: Child) -> None:
@@ -230,7 +230,7 @@ def _make_worker(manifest: Table, shared: SharedControllers) -> Worker | InputEr
     """Return a worker for a campaign, or the error that prevents it."""
     try:
         open_again(shared)
-        return Worker(PreparedCampaign(campaign_of(manifest, "the manifest of the campaign")))
+        return Worker(PreparedCampaign(Manifest.campaign(manifest, "the manifest of the campaign")))
     except Exception as error:
         if isinstance(error, InputError) and not MachineError.is_cause_of(error):
             return error

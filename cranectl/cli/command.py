@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
-from cranectl.cli.completion import complete_drives, complete_plants, complete_rigs, complete_scenarios
+from cranectl.cli.completion import Completion
 from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 MIN_ADDRESS_SPACE = 10**9  # [bytes]; a run takes 850 MB of addresses
-PATH = click.Path(path_type=Path)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -31,17 +30,6 @@ class Invocation(NamedTuple):
 
     arguments: tuple[str, ...]  # as typed, without `--traceback`
     full_traceback: bool
-
-
-def arguments_given() -> tuple[str, ...]:
-    """Return the arguments of the present command as they were typed."""
-    invocation = click.get_current_context().find_object(Invocation)
-    return invocation.arguments if invocation else ()
-
-
-def command_given() -> str:
-    """Return the present command as it was typed, quoted for a shell."""
-    return shlex.join(["cranectl", *arguments_given()])
 
 
 class OutputFile(click.Path):
@@ -56,7 +44,9 @@ class OutputFile(click.Path):
 
 
 class Command(click.Command):
-    """A command that never writes onto what it reads, nor twice to one place."""
+    """A command that never writes onto what it reads, nor twice to one place; options that many have."""
+
+    PATH = click.Path(path_type=Path)
 
     def invoke(self, context: click.Context) -> Any:
         _check_memory()
@@ -78,6 +68,48 @@ class Command(click.Command):
             kind = to.kind or FileKind.of(path, to.endings)
             kind.check_place(path, inputs=[*inputs, *others], option=option)
         return super().invoke(context)
+
+    @staticmethod
+    def arguments() -> tuple[str, ...]:
+        """Return the arguments of the present command as they were typed."""
+        invocation = click.get_current_context().find_object(Invocation)
+        return invocation.arguments if invocation else ()
+
+    @staticmethod
+    def given() -> str:
+        """Return the present command as it was typed, quoted for a shell."""
+        return shlex.join(["cranectl", *Command.arguments()])
+
+    @staticmethod
+    def json_option(function: F) -> F:
+        """Add `--json`; the command gets a `screen` that prints, and writes JSON where requested."""
+
+        @click.option(
+            "--json",
+            "json_file",
+            metavar="FILE",
+            type=OutputFile(FileKind.JSON, dash=True),
+            help="Write the result as JSON; - is standard output, tables then go to standard error.",
+        )
+        @functools.wraps(function)
+        def command(*args: Any, json_file: str | None, **options: Any) -> Any:
+            from cranectl.cli.output import Screen
+
+            return function(*args, screen=Screen(json_file), **options)
+
+        return command  # type: ignore[return-value]
+
+    @staticmethod
+    def output_option(
+        name: str, kind: FileKind | None, help_text: str, *, endings: tuple[str, ...] = ()
+    ) -> Callable[[F], F]:
+        """Return an option for a file to write, of one kind or of the kind that its ending names."""
+        return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
+
+    @staticmethod
+    def directory_option(name: str, help_text: str, **more: Any) -> Callable[[F], F]:
+        """Return an option for a directory."""
+        return click.option(name, metavar="DIR", type=Command.PATH, help=help_text, **more)
 
 
 class CommandGroup(click.Group):
@@ -110,37 +142,6 @@ def _files(value: Any) -> list[Path]:
     return files
 
 
-def json_option(function: F) -> F:
-    """Add `--json`; the command gets a `screen` that prints, and writes JSON where requested."""
-
-    @click.option(
-        "--json",
-        "json_file",
-        metavar="FILE",
-        type=OutputFile(FileKind.JSON, dash=True),
-        help="Write the result as JSON; - is standard output, tables then go to standard error.",
-    )
-    @functools.wraps(function)
-    def command(*args: Any, json_file: str | None, **options: Any) -> Any:
-        from cranectl.cli.output import Screen
-
-        return function(*args, screen=Screen(json_file), **options)
-
-    return command  # type: ignore[return-value]
-
-
-def output_option(
-    name: str, kind: FileKind | None, help_text: str, *, endings: tuple[str, ...] = ()
-) -> Callable[[F], F]:
-    """Return an option for a file to write, of one kind or of the kind that its ending names."""
-    return click.option(name, metavar="FILE", type=OutputFile(kind, endings=endings), help=help_text)
-
-
-def directory_option(name: str, help_text: str, **more: Any) -> Callable[[F], F]:
-    """Return an option for a directory."""
-    return click.option(name, metavar="DIR", type=PATH, help=help_text, **more)
-
-
 class ScenarioRequest(NamedTuple):
     """A scenario as a command is asked for it."""
 
@@ -150,9 +151,9 @@ class ScenarioRequest(NamedTuple):
 
     def read(self) -> "Scenario":
         """Return the scenario as it is written; raises InputError."""
-        from cranectl.scenario import read_scenario
+        from cranectl.scenario import ScenarioFile
 
-        return read_scenario(self.source, rig=self.rig, overrides=self.overrides)
+        return ScenarioFile.read(self.source, rig=self.rig, overrides=self.overrides)
 
     def load(self) -> "Scenario":
         """Return the scenario with its motions planned; raises InputError."""
@@ -168,139 +169,74 @@ class ScenarioRequest(NamedTuple):
         """Return the same with more overrides."""
         return self._replace(overrides=(*self.overrides, *overrides))
 
+    @staticmethod
+    def argument(function: F) -> F:
+        """Add the argument `scenario`, which names a scenario or its file."""
+        return click.argument("scenario", shell_complete=Completion.scenarios)(function)
+
+    @staticmethod
+    def options(function: F) -> F:
+        """Add `--rig` and `--set`; the command gets both, and its scenario if any, as `request`."""
+
+        @click.option(
+            "--rig",
+            metavar="FILE",
+            type=Command.PATH,
+            shell_complete=Completion.rigs,
+            help="Name or TOML file of a rig, in place of the scenario's.",
+        )
+        @click.option(
+            "--set",
+            "overrides",
+            metavar="KEY=VALUE",
+            multiple=True,
+            help="Override any field of the scenario, e.g. rig.load_mass=2.5; repeatable.",
+        )
+        @functools.wraps(function)
+        def command(
+            *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **options: Any
+        ) -> Any:
+            return function(request=ScenarioRequest(scenario, rig, overrides), **options)
+
+        return command  # type: ignore[return-value]
+
+    @staticmethod
+    def every_option(function: F) -> F:
+        """Add `--every`, of a command with `options`, which gets it as an override."""
+
+        @click.option(
+            "--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them)."
+        )
+        @functools.wraps(function)
+        def command(*, every: int | None, request: ScenarioRequest, **options: Any) -> Any:
+            changed = request if every is None else request.having(f"log.every={every}")
+            return function(request=changed, **options)
+
+        return command  # type: ignore[return-value]
+
+    @staticmethod
+    def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
+        """Return `--drive`; with `force` the command takes force drives too."""
+        forces = "; force: forces on bridge, trolley, winch" if force else ""
+        both = "; both: ideal and velocity; all" if default == "both" else ""
+        return click.option(
+            "--drive",
+            default=default,
+            show_default=True,
+            metavar="NAME",
+            shell_complete=Completion.drives,
+            help="ideal: accelerations realised exactly; velocity: first-order drives with set-points"
+            f"{forces}{both}.",
+        )
+
 
 def _warn_of_masses(scenario: "Scenario") -> None:
     """Warn once in a command, on standard error, if masses of a crane are implausible."""
-    from cranectl.cli.output import Screen, styled
+    from cranectl.cli.output import Screen
 
     context = click.get_current_context(silent=True)
     printed = context.meta.setdefault("cranectl.warnings", set()) if context else set()
     warning = scenario.rig.mass_warning
     if warning and (scenario.name, warning) not in printed:
         printed.add((scenario.name, warning))
-        Screen(stderr=True).print(styled(f"{scenario.name}: {warning}", "yellow"))
-
-
-scenario_argument = click.argument("scenario", shell_complete=complete_scenarios)
-
-
-def scenario_options(function: F) -> F:
-    """Add `--rig` and `--set`; the command gets them as `request`, with its scenario where it has one."""
-
-    @click.option(
-        "--rig",
-        metavar="FILE",
-        type=PATH,
-        shell_complete=complete_rigs,
-        help="Name or TOML file of a rig, in place of the scenario's.",
-    )
-    @click.option(
-        "--set",
-        "overrides",
-        metavar="KEY=VALUE",
-        multiple=True,
-        help="Override any field of the scenario, e.g. rig.load_mass=2.5; repeatable.",
-    )
-    @functools.wraps(function)
-    def command(
-        *, rig: Path | None, overrides: tuple[str, ...], scenario: str | None = None, **options: Any
-    ) -> Any:
-        return function(request=ScenarioRequest(scenario, rig, overrides), **options)
-
-    return command  # type: ignore[return-value]
-
-
-def every_option(function: F) -> F:
-    """Add `--every`, of a command with `scenario_options`, which gets it as an override."""
-
-    @click.option("--every", type=int, metavar="N", help="Log every N-th control sample (1: all of them).")
-    @functools.wraps(function)
-    def command(*, every: int | None, request: ScenarioRequest, **options: Any) -> Any:
-        return function(request=request if every is None else request.having(f"log.every={every}"), **options)
-
-    return command  # type: ignore[return-value]
-
-
-def plants_option(help_text: str, *, check: str = "", of_logs: bool = False) -> Callable[[F], F]:
-    """Return `--plants`: names with commas, or all; no name means what the command documents.
-
-    `check`: a method of plants' entries that raises InputError for those that `all` leaves out. `of_logs`:
-    names are as given, for `PLANTS.of_logs`: a log tells of plants only when it is read.
-    """
-    callback = names_given if of_logs else functools.partial(_plants, check=check)
-    named: dict[str, Any] = {"metavar": "A,B|all", "multiple": True, "callback": callback}
-    return click.option(
-        "--plants", "--plant", "plants", shell_complete=complete_plants, help=help_text, **named
-    )
-
-
-def _plants(
-    context: click.Context, parameter: click.Parameter, texts: tuple[str, ...], *, check: str
-) -> tuple[str, ...]:
-    names = names_given(context, parameter, texts)
-    if not names or context.resilient_parsing:
-        return ()
-    from cranectl.plants import PLANTS
-
-    PLANTS.forget_model_files()  # those of an earlier command in this process
-    named, able = tuple(PLANTS if names in PLANTS.ALL else (PLANTS.find(name).name for name in names)), []
-    if names not in PLANTS.ALL:
-        return named
-    for name in named:
-        try:
-            if check:
-                getattr(PLANTS[name], check)()
-            able.append(name)
-        except InputError as error:
-            click.echo(f"cranectl: without {name}: {error.remedy}", err=True)
-    return tuple(able)
-
-
-run_plants_option = plants_option("Or MJCF files. Default: analytic,elastic,mujoco.", check="check_installed")
-
-
-def names_given(_: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
-    """Split names at commas, of an option that may be repeated; each name once."""
-    names = [name.strip() for text in texts for name in text.split(",")]
-    if not all(names):
-        raise InputError(
-            f"{parameter.opts[0]} {','.join(texts)}: a name is empty",
-            allowed="a name, or names with a comma between",
-            remedy="remove the comma that is too many",
-        )
-    return tuple(dict.fromkeys(names))
-
-
-label_option = click.option(
-    "--label",
-    "labels",
-    metavar="A,B",
-    multiple=True,
-    callback=names_given,
-    help="What the runs are called, one after the other. Default: as much of SCENARIO-CONTROLLER-DRIVE-PLANT "
-    "as tells them apart, else the names of the files.",
-)
-
-
-def drive_option(*, default: str, force: bool = True) -> Callable[[F], F]:
-    """Return `--drive`; with `force` the command takes force drives too."""
-    forces = "; force: forces on bridge, trolley, winch" if force else ""
-    both = "; both: ideal and velocity; all" if default == "both" else ""
-    return click.option(
-        "--drive",
-        default=default,
-        show_default=True,
-        metavar="NAME",
-        shell_complete=complete_drives,
-        help="ideal: accelerations realised exactly; velocity: first-order drives with set-points"
-        f"{forces}{both}.",
-    )
-
-
-def short_names(files: Sequence[Path]) -> list[str]:
-    """Return a name for each file: its stem, with as many directories as make it unique."""
-    for depth in range(1, max(len(file.parts) for file in files) + 1):
-        names = ["/".join((*file.parent.parts, file.stem)[-depth:]) for file in files]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{file.stem}-{k}" for k, file in enumerate(files, 1)]
+        Screen(stderr=True).print(Screen.styled(f"{scenario.name}: {warning}", "yellow"))

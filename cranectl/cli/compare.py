@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.command import short_names
-from cranectl.cli.output import FAILED, PASSED, Screen, styled
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
 from cranectl.support import File, FileKind, InputError
 
@@ -17,32 +18,32 @@ if TYPE_CHECKING:
     from cranectl.tools.measured.replay import Replay
 
 
-@click.command("compare", cls=command.Command)
-@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=command.PATH)
+@click.command("compare", cls=Command)
+@click.argument("logs", metavar="LOG [LOG]", nargs=-1, required=True, type=Command.PATH)
 @click.option(
     "--tolerances",
     metavar="NAME",
     help="exact, rounding or a TOML file: judge the first LOG, NEW, by the second, GOLDEN; exit code 1 if a "
     "limit is exceeded.",
 )
-@command.output_option("--merge", FileKind.MCAP, "Write two LOGs of different plants as one log of both.")
+@Command.output_option("--merge", FileKind.MCAP, "Write two LOGs of different plants as one log of both.")
 @click.option(
     "--despite-differences",
     is_flag=True,
     help="With --merge: of different scenarios or versions too; the log then describes the first plant's "
     "scenario and the installed versions.",
 )
-@command.plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
+@Names.plants_option("With a measured LOG: predict it on these. Default: mujoco.", check="check_installed")
 @click.option(
     "--replay",
     type=click.Choice(["commands", "lines", "motion"]),
     help="With a measured LOG: repeat its commands, held from row to row, or along lines; or the motion of "
     "bridge, trolley and rope. Default: commands, if it has them.",
 )
-@command.output_option(
+@Command.output_option(
     "--out", FileKind.MCAP, "With a measured LOG: write it with its predictions as an overlay."
 )
-@command.json_option
+@Command.json_option
 def compare_command(
     logs: tuple[Path, ...],
     tolerances: str | None,
@@ -146,7 +147,7 @@ def _print_pairs(
     differing = Differences.of(*pairs[0])
     comparisons = [compare_runs(a, b) for a, b in pairs]
     screen.print_each(f"the runs differ in {difference}" for difference in differing.first)
-    a, b = short_names(logs)
+    a, b = Names.of_files(logs)
     for (run, _), comparison in zip(pairs, comparisons, strict=True):
         alike = comparison.a == comparison.b
         _print(screen, comparison, f"{run.plant}: {b} minus {a}" if alike else "")
@@ -157,39 +158,39 @@ def _print_pairs(
     screen.write_json(
         {"comparisons": compared, "differing_fields": differing, "software_differences": software}
     )
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
     """Print every signal, then the largest differences, under `title` or the names of the runs."""
-    from cranectl.report.run.differences import comparison_table
+    from cranectl.report.run.differences import DifferenceTables
 
-    screen.print(comparison_table(title or f"{comparison.b} minus {comparison.a}", comparison))
+    screen.print(DifferenceTables.of_signals(title or f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
         f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "
         f"angles {comparison.max_angle_error_rad:.3e} rad; {comparison.samples} common samples"
     )
     if not comparison.same_length:
-        screen.print(styled("the runs did not end at the same time", "yellow"))
+        screen.print(Screen.styled("the runs did not end at the same time", "yellow"))
 
 
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
     from cranectl.compare import Comparison
-    from cranectl.report.run.differences import distances_table
+    from cranectl.report.run.differences import DifferenceTables
 
     comparisons = Comparison.against_first(runs)
-    screen.print(distances_table(next(iter(runs)), comparisons))
+    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.write_json({"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases import CaseResult, RunSummary
     from cranectl.compare import Agreement, compare_runs, judge
-    from cranectl.report.run.tables import agreement_table, limit_notes, limits_table
+    from cranectl.report.run.tables import RunTables
 
     if len(by_plant) < 2:
         raise InputError(
@@ -209,10 +210,10 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
     )
     for comparison in comparisons:
         _print(screen, comparison)
-    screen.print(agreement_table(judged.agreements))
-    if (table := limits_table([judged.runs])) is not None:
+    screen.print(RunTables.agreement(judged.agreements))
+    if (table := RunTables.limits([judged.runs])) is not None:
         screen.print(table)
-    screen.print_each(limit_notes(judged.agreements), indent="  ")
+    screen.print_each(RunTables.limit_notes(judged.agreements), indent="  ")
     statuses = {run.plant: run.status.label for run in judged.runs}
     for plant, status in statuses.items():
         if status != judged.expected:
@@ -229,13 +230,13 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
             "software_differences": [],
         }
     )
-    return exit_codes.GOOD if judged.passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if judged.passed else ExitCode.LIMIT_EXCEEDED
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases import LogPair
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import regression_table
+    from cranectl.report.run.differences import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new_log, golden_log)
@@ -243,7 +244,7 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     settings = regression.differing_fields.first
     screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
-        screen.print(regression_table(verdict))
+        screen.print(DifferenceTables.regression(verdict))
     screen.print_each(
         f"not compared: {signal} of {verdict.plant}, without a number in either log"
         for verdict in regression.verdicts
@@ -254,9 +255,9 @@ def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> 
     screen.print_each(
         f"golden was made by other software: {difference}" for difference in regression.software_differences
     )
-    screen.print(f"{new_log.name}:", PASSED if regression.passed else FAILED)
+    screen.print(f"{new_log.name}:", Screen.PASSED if regression.passed else Screen.FAILED)
     screen.write_json(regression.to_json())
-    return exit_codes.GOOD if regression.passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if regression.passed else ExitCode.LIMIT_EXCEEDED
 
 
 def _check_are_two(new: Path, golden: Path) -> None:
@@ -273,7 +274,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
     from cranectl.cases import LogPair, Regression
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import regressions_table
+    from cranectl.report.run.differences import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new, golden)
@@ -295,15 +296,15 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     judged = {
         path: outcome if isinstance(outcome, str) else outcome.verdicts for path, outcome in outcomes.items()
     }
-    screen.print(regressions_table(judged))
+    screen.print(DifferenceTables.regressions(judged))
     screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(paths[0] - paths[1]))
-    screen.print(f"{new}:", PASSED if passed else FAILED)
+    screen.print(f"{new}:", Screen.PASSED if passed else Screen.FAILED)
     logs = {
         path: {"passed": False, "problem": outcome} if isinstance(outcome, str) else outcome.to_json()
         for path, outcome in outcomes.items()
     }
     screen.write_json({"passed": passed, "logs": logs})
-    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if passed else ExitCode.LIMIT_EXCEEDED
 
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:

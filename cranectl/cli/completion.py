@@ -31,9 +31,12 @@ def _load(module: str) -> Any:
     return importlib.import_module(f"cranectl.{module}")
 
 
-complete_scenarios = completer(Shipped.SCENARIOS.names, files=True)
-complete_rigs = completer(Shipped.RIGS.names, files=True)
-complete_campaigns = completer(Shipped.CAMPAIGNS.names, files=True)
-complete_controllers = completer(lambda: _load("controllers.registry").controller_names(), files=True)
-complete_plants = completer(lambda: [*_load("plants.registry").PLANTS, "all"])
-complete_drives = completer(lambda: _load("plants.plant").DRIVES)
+class Completion:
+    """What a shell completes in the place of a name, by the kind of name."""
+
+    scenarios = completer(Shipped.SCENARIOS.names, files=True)
+    rigs = completer(Shipped.RIGS.names, files=True)
+    campaigns = completer(Shipped.CAMPAIGNS.names, files=True)
+    controllers = completer(lambda: _load("controllers.registry").controller_names(), files=True)
+    plants = completer(lambda: [*_load("plants.registry").PLANTS, "all"])
+    drives = completer(lambda: _load("plants.plant").DRIVES)

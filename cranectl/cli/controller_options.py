@@ -8,8 +8,9 @@ from typing import Any
 
 import click
 
-from cranectl.cli.command import F, names_given
-from cranectl.cli.completion import complete_controllers
+from cranectl.cli.command import F
+from cranectl.cli.completion import Completion
+from cranectl.cli.names import Names
 
 
 class ControllerName(click.ParamType):  # type: ignore[type-arg]
@@ -25,7 +26,79 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
             from cranectl.controllers import ALL_CONTROLLERS
 
             ALL_CONTROLLERS.checked(value)
-        return opened(value)
+        return ControllerName.open(value)
+
+    @staticmethod
+    def open(name: str, directory: Path = Path()) -> str:
+        """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
+        if not {".", ":"} & set(name):
+            return name
+        from cranectl.controllers import ALL_CONTROLLERS
+        from cranectl.loaders.opening import open_controller
+
+        if not ALL_CONTROLLERS.is_reference(name):
+            from cranectl.loaders.c_controller import check_compiled
+
+            check_compiled(directory / name)
+            return name
+        return open_controller(name if name.startswith(ALL_CONTROLLERS.UDP) else str(directory / name))
+
+    @staticmethod
+    def option(function: F) -> F:
+        """Add `--controller` and `--trust` to a command that takes `scenario`."""
+
+        @click.option(
+            "--controller",
+            metavar="NAME",
+            type=ControllerName(),
+            shell_complete=Completion.controllers,
+            help="A controller, or the file of one: law.py:NAME, law.so, law.fmu. "
+            "Default: the scenario's own.",
+        )
+        @ControllerName.trust_option("SCENARIO")
+        @functools.wraps(function)
+        def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
+            if trust and controller is None:
+                from cranectl.scenario import ScenarioFile
+
+                named = ScenarioFile.read(scenario).controller.name
+                controller = ControllerName.open(named, ScenarioFile.find(scenario).parent)
+            return function(controller=controller, scenario=scenario, **options)
+
+        return command  # type: ignore[return-value]
+
+    @staticmethod
+    def repeated_option(help_text: str, *, opens: bool = True) -> Callable[[F], F]:
+        """Return `--controller`, which may be repeated; with `opens`, controllers in files are opened."""
+        return click.option(
+            "--controller",
+            "--controllers",
+            "controllers",
+            metavar="NAME",
+            multiple=True,
+            shell_complete=Completion.controllers,
+            callback=_opened_names if opens else Names.split,
+            help=help_text,
+        )
+
+    @staticmethod
+    def timeout_option(function: F) -> F:
+        """Add `--timeout`."""
+        return click.option(
+            "--timeout",
+            type=Seconds(),
+            metavar="S",
+            default=120.0,
+            show_default=True,
+            help="Seconds that a block of 1000 samples may take with the controller of a file.",
+        )(function)
+
+    @staticmethod
+    def trust_option(document: str) -> Callable[[F], F]:
+        """Return `--trust`."""
+        return click.option(
+            "--trust", is_flag=True, help=f"Run the code of a controller whose file {document} itself names."
+        )
 
 
 class Seconds(click.FloatRange):
@@ -47,79 +120,8 @@ def is_completing(context: click.Context | None) -> bool:
     return context is not None and context.resilient_parsing
 
 
-def opened(name: str, directory: Path = Path()) -> str:
-    """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
-    if not {".", ":"} & set(name):
-        return name
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.loaders.opening import open_controller
-
-    if not ALL_CONTROLLERS.is_reference(name):
-        from cranectl.loaders.c_controller import check_compiled
-
-        check_compiled(directory / name)
-        return name
-    return open_controller(name if name.startswith(ALL_CONTROLLERS.UDP) else str(directory / name))
-
-
-def controller_option(function: F) -> F:
-    """Add `--controller` and `--trust` to a command that takes `scenario`."""
-
-    @click.option(
-        "--controller",
-        metavar="NAME",
-        type=ControllerName(),
-        shell_complete=complete_controllers,
-        help="A controller, or the file of one: law.py:NAME, law.so, law.fmu. Default: the scenario's own.",
-    )
-    @trust_option("SCENARIO")
-    @functools.wraps(function)
-    def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
-        if trust and controller is None:
-            from cranectl.scenario import read_scenario, scenario_file
-
-            named = read_scenario(scenario).controller.name
-            controller = opened(named, scenario_file(scenario).parent)
-        return function(controller=controller, scenario=scenario, **options)
-
-    return command  # type: ignore[return-value]
-
-
 def _opened_names(
     context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    names = names_given(context, parameter, texts)
-    return names if is_completing(context) else tuple(map(opened, names))
-
-
-def controllers_option(help_text: str, *, opens: bool = True) -> Callable[[F], F]:
-    """Return `--controller`, which may be repeated; with `opens`, controllers in files are opened."""
-    return click.option(
-        "--controller",
-        "--controllers",
-        "controllers",
-        metavar="NAME",
-        multiple=True,
-        shell_complete=complete_controllers,
-        callback=_opened_names if opens else names_given,
-        help=help_text,
-    )
-
-
-def timeout_option(function: F) -> F:
-    """Add `--timeout`."""
-    return click.option(
-        "--timeout",
-        type=Seconds(),
-        metavar="S",
-        default=120.0,
-        show_default=True,
-        help="Seconds that a block of 1000 samples may take with the controller of a file.",
-    )(function)
-
-
-def trust_option(document: str) -> Callable[[F], F]:
-    """Return `--trust`."""
-    return click.option(
-        "--trust", is_flag=True, help=f"Run the code of a controller whose file {document} itself names."
-    )
+    names = Names.split(context, parameter, texts)
+    return names if is_completing(context) else tuple(map(ControllerName.open, names))

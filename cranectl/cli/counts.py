@@ -8,21 +8,16 @@ import click
 
 from cranectl.support import MAX_RUNS, InputError, printable
 
-MAX_WORKERS = 1024  # threads or processes
-MAX_REPLAYS = 1000  # logs of a campaign's worst runs
-MAX_SEED = 2**63 - 1
-MAX_PORT = 2**16 - 1
-
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Count(click.IntRange):
     """The type of an option for a whole number, with a lowest and a highest value that the help tells."""
+
+    MAX_WORKERS = 1024  # threads or processes
+    MAX_REPLAYS = 1000  # logs of a campaign's worst runs
+    MAX_SEED = 2**63 - 1
+    MAX_PORT = 2**16 - 1
 
     def __init__(self, highest: int, *, lowest: int = 1) -> None:
         super().__init__(lowest, highest)
@@ -40,7 +35,12 @@ class Count(click.IntRange):
             remedy=f"choose such a number, or leave {option} out",
         )
 
+    @staticmethod
+    def available_cores() -> int:
+        """Return the number of cores that this process may use."""
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
-def count_option(name: str, help_text: str, *, highest: int = MAX_RUNS) -> Callable[[F], F]:
-    """Return an option for a number from 1 to `highest`."""
-    return click.option(name, metavar="N", type=Count(highest), help=help_text)
+    @staticmethod
+    def option(name: str, help_text: str, *, highest: int = MAX_RUNS) -> Callable[[F], F]:
+        """Return an option for a number from 1 to `highest`."""
+        return click.option(name, metavar="N", type=Count(highest), help=help_text)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli import command
-from cranectl.cli.completion import complete_controllers, complete_drives, complete_scenarios
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
-from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
 from cranectl.support import File, FileKind, InputError
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
     from cranectl.tools.export.prepared import Exported
 
 # What only runs read, and what designs of the flat family do not read either.
-UNREAD = (*OF_RUNS, *OF_MOTIONS, "control.physics_step", "control.lag_compensation")
+UNREAD = (*IdleSettings.OF_RUNS, *IdleSettings.OF_MOTIONS, "control.physics_step", "control.lag_compensation")
 OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_constant", "rig.*_range.*")
 
 
-@click.command("design", cls=command.Command)
+@click.command("design", cls=Command)
 @click.argument(
     "names",
     metavar="NAME...",
     type=ControllerName(),
     nargs=-1,
     required=True,
-    shell_complete=complete_controllers,
+    shell_complete=Completion.controllers,
 )
 @click.option(
     "--scenario",
     metavar="NAME",
-    shell_complete=complete_scenarios,
+    shell_complete=Completion.scenarios,
     help="Whose [design], [control] and [rig] to take. Default: the defaults.",
 )
-@command.scenario_options
-@command.output_option(
+@ScenarioRequest.options
+@Command.output_option(
     "--plot",
     None,
     "Draw singular values, loop gains and step responses (.svg, .pdf, .png).",
@@ -49,13 +49,13 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
     "--export",
     "directory",
     metavar="DIR",
-    type=command.PATH,
+    type=Command.PATH,
     help="Write the controller as C99, with test vectors of a run of the scenario.",
 )
 @click.option(
     "--real", type=click.Choice(["double", "float"]), help="Numbers in the code of --export. Default: double."
 )
-@command.output_option(
+@Command.output_option(
     "--fmu",
     None,
     "Write the controller as an FMU for co-simulation on Linux, with its C files.",
@@ -65,13 +65,13 @@ OF_OTHER_CONTROLLERS = ("effects.*", "rig.effects.*", "rig.*_mass", "rig.*_time_
 @click.option(
     "--drive",
     metavar="NAME",
-    shell_complete=complete_drives,
+    shell_complete=Completion.drives,
     help="Drive that --export and --fmu command. Default: by what the controller commands.",
 )
-@command.json_option
+@Command.json_option
 def design_command(
     names: tuple[str, ...],
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     plot: Path | None,
     screen: Screen,
     **exporting: Any,
@@ -89,13 +89,7 @@ def design_command(
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
     from cranectl.controllers import ALL_CONTROLLERS, Tracker
-    from cranectl.report.design import (
-        controller_tables,
-        design_figure,
-        design_tables,
-        designs_figure,
-        designs_table,
-    )
+    from cranectl.report.design import DesignReport
     from cranectl.simulate import PreparedController
 
     export = Export(**exporting)
@@ -103,12 +97,12 @@ def design_command(
     loaded = request.load() if export.is_asked else request.read()
     designs = [ALL_CONTROLLERS.design(name, loaded) for name in dict.fromkeys(names)]
     tell = functools.partial(
-        print_idle_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
+        IdleSettings.print_in_analysis, screen, loaded, request, names, plant="analytic", drive="ideal"
     )
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         controller = designs[0]
         screen.print_each(
-            controller_tables(
+            DesignReport.controller_tables(
                 controller, ALL_CONTROLLERS[controller.name], PreparedController.near_rest(loaded, controller)
             )
         )
@@ -121,13 +115,17 @@ def design_command(
     flat = [design.flat for design in designs]
     for design in flat:
         Tracker.of(loaded, design)  # raises if sampling makes it unstable
-    screen.print_each(design_tables(flat[0]) if len(flat) == 1 else [designs_table(flat)])
+    screen.print_each(
+        DesignReport.tables(flat[0]) if len(flat) == 1 else [DesignReport.comparison_table(flat)]
+    )
     if export.is_asked:
         export.write(loaded, names[0], screen)
     else:
         tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
-        screen.save_figure(design_figure(flat[0]) if len(flat) == 1 else designs_figure(flat), plot)
+        screen.save_figure(
+            DesignReport.figure(flat[0]) if len(flat) == 1 else DesignReport.comparison_figure(flat), plot
+        )
     results = [design.to_json() for design in flat]
     screen.write_json(results[0] if len(flat) == 1 else {"designs": results})
 
@@ -146,7 +144,7 @@ class Export(NamedTuple):
         """Whether anything is to be exported."""
         return self.directory is not None or self.fmu is not None
 
-    def check(self, names: tuple[str, ...], request: command.ScenarioRequest) -> None:
+    def check(self, names: tuple[str, ...], request: ScenarioRequest) -> None:
         """Raise InputError unless one controller with a scenario goes to places that are free."""
         if self.fmu is None:
             refuse_fmi(self.fmi)
@@ -218,7 +216,7 @@ def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     from cranectl.loaders.c_controller import HEADER
     from cranectl.tools.export.package import exported_files
 
-    texts = exported_files(exported, command.command_given(), single=single)
+    texts = exported_files(exported, Command.given(), single=single)
     if not single:  # the library for cranectl computes with doubles
         texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():

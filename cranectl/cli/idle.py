@@ -3,132 +3,115 @@
 import re
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
-from itertools import product
 from typing import TYPE_CHECKING
 
 from cranectl.cli.command import ScenarioRequest
-from cranectl.cli.output import Screen, styled
+from cranectl.cli.output import Screen
 from cranectl.support import InputError
 
 if TYPE_CHECKING:
-    from cranectl.campaign import Campaign
     from cranectl.plants import Drive
     from cranectl.scenario import Scenario
     from cranectl.simulate import RunKind
-    from cranectl.tools.benchmark.settings import Benchmark
 
 SHOWN_NAMES = 8  # names in a line, and lines
 LABELS = ("name", "title", "controller.name")  # told where they are shown
-# What no command reads that keeps no log and judges nothing.
-OF_RUNS = ("log.*", "limits.*", "expected")
-# What no command reads besides that judges a design where the load hangs or at given operating points.
-OF_MOTIONS = (
-    "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*", "workspace.*",
-    "metrics.*", "rig.look.*",
-)  # fmt: skip
 
 
-def print_idle(screen: Screen, lines: Sequence[str]) -> None:
-    """Print what `idle_lines` and `idle_timeout` say, as much as is read."""
-    for line in lines[:SHOWN_NAMES]:
-        screen.print(styled(f"  {line}", "yellow"))
-    if len(lines) > SHOWN_NAMES:
-        screen.print(f"  and {len(lines) - SHOWN_NAMES} more settings that change nothing")
+class IdleSettings:
+    """Settings and options that a user gave and that change nothing in what a command does."""
 
+    # What no command reads that keeps no log and judges nothing.
+    OF_RUNS = ("log.*", "limits.*", "expected")
+    # What no command reads besides that judges a design where the load hangs or at given operating points.
+    OF_MOTIONS = (
+        "reference.*", "duration", "planning.*", "obstacles.*", "initial.*", "disturbances.*", "workspace.*",
+        "metrics.*", "rig.look.*",
+    )  # fmt: skip
 
-def idle_lines(
-    scenario: "Scenario",
-    request: ScenarioRequest,
-    uses: Iterable[tuple[str, "Drive", str]],
-    *,
-    unread: Sequence[str] = (),
-    all_effects: bool = False,
-) -> list[str]:
-    """Say what of the settings that the user gave changes nothing, a line for each reason.
+    @staticmethod
+    def print(screen: Screen, lines: Sequence[str]) -> None:
+        """Print what `lines` and `timeout_lines` say, as much as is read."""
+        for line in lines[:SHOWN_NAMES]:
+            screen.print(Screen.styled(f"  {line}", "yellow"))
+        if len(lines) > SHOWN_NAMES:
+            screen.print(f"  and {len(lines) - SHOWN_NAMES} more settings that change nothing")
 
-    `scenario` is planned, `uses` has plant, drive and controller of each run, and `unread` shell patterns of
-    settings that the command does not read: it says so of options only, since a file is for every command.
-    With `all_effects` the command takes numbers of the rig for effects that the scenario does not have.
-    """
-    from cranectl.scenario import given_settings
+    @staticmethod
+    def lines(
+        scenario: "Scenario",
+        request: ScenarioRequest,
+        uses: Iterable[tuple[str, "Drive", str]],
+        *,
+        unread: Sequence[str] = (),
+        all_effects: bool = False,
+    ) -> list[str]:
+        """Say what of the settings that the user gave changes nothing, a line for each reason.
 
-    stated = [name for name in given_settings(*request) if name not in LABELS]
-    if not stated:
-        return []
-    from cranectl.simulate import RunKind
+        `scenario` is planned, `uses` has plant, drive and controller of each run. `unread` has shell patterns
+        of settings that the command does not read: it says so of options only, since a file is for every
+        command. With `all_effects` the command takes numbers of the rig for effects that the scenario does
+        not have.
+        """
+        from cranectl.scenario import ScenarioFile
 
-    keys = [override.partition("=")[0].strip() for override in request.overrides]
-    options = [*keys, *(f"{key}.*" for key in keys)]
-    read = [name for name in stated if not _fits(name, unread)]
-    reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
-    runs = [RunKind(*use) for use in uses]
-    for why, names in RunKind.find_idle_settings(scenario, request.read(), read, runs).items():
-        reasons.setdefault(why, []).extend(names)
-    lines = [
-        f"{scenario.name}: {_listed(names)} nothing here: {why}" for why, names in reasons.items() if names
-    ]
-    effects = () if all_effects else scenario.idle_effects(read)
-    return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
+        stated = [name for name in ScenarioFile.given_settings(*request) if name not in LABELS]
+        if not stated:
+            return []
+        from cranectl.simulate import RunKind
 
+        keys = [override.partition("=")[0].strip() for override in request.overrides]
+        options = [*keys, *(f"{key}.*" for key in keys)]
+        read = [name for name in stated if not _fits(name, unread)]
+        reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
+        runs = [RunKind(*use) for use in uses]
+        for why, names in RunKind.find_idle_settings(scenario, request.read(), read, runs).items():
+            reasons.setdefault(why, []).extend(names)
+        lines = [
+            f"{scenario.name}: {_listed(names)} nothing here: {why}"
+            for why, names in reasons.items()
+            if names
+        ]
+        effects = () if all_effects else scenario.idle_effects(read)
+        return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
 
-def print_idle_in_analysis(
-    screen: Screen,
-    scenario: "Scenario",
-    request: ScenarioRequest,
-    controllers: Iterable[str],
-    *,
-    plant: str = "mujoco",
-    drive: "Drive" = "velocity",
-    with_model: bool = False,
-    unread: Sequence[str] = OF_RUNS,
-) -> None:
-    """Print what changes nothing in a command that takes the effects of a rig and keeps no log.
+    @staticmethod
+    def print_in_analysis(
+        screen: Screen,
+        scenario: "Scenario",
+        request: ScenarioRequest,
+        controllers: Iterable[str],
+        *,
+        plant: str = "mujoco",
+        drive: "Drive" = "velocity",
+        with_model: bool = False,
+        unread: Sequence[str] = OF_RUNS,
+    ) -> None:
+        """Print what changes nothing in a command that takes the effects of a rig and keeps no log.
 
-    `with_model` says that it runs the model file of the rig too.
-    """
-    uses = [(plant, drive, controller) for controller in controllers]
-    if with_model and scenario.rig.model is not None:
-        from cranectl.plants import PLANTS
+        `with_model` says that it runs the model file of the rig too.
+        """
+        uses = [(plant, drive, controller) for controller in controllers]
+        if with_model and scenario.rig.model is not None:
+            from cranectl.plants import PLANTS
 
-        entry = PLANTS.find(scenario.rig.model, scenario.rig)
-        uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
-    print_idle(screen, idle_lines(scenario, request, uses, unread=unread, all_effects=True))
+            entry = PLANTS.find(scenario.rig.model, scenario.rig)
+            uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
+        lines = IdleSettings.lines(scenario, request, uses, unread=unread, all_effects=True)
+        IdleSettings.print(screen, lines)
 
+    @staticmethod
+    def timeout_lines(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
+        """Say why `--timeout`, where it is given, changes nothing for these controllers."""
+        from cranectl.controllers import ALL_CONTROLLERS
+        from cranectl.simulate import Loop
 
-def idle_in_campaign(campaign: "Campaign") -> list[str]:
-    """Say which settings of a campaign and of its scenario change nothing in its runs."""
-    from cranectl.campaign import COUNTED
-    from cranectl.plants import DRIVES
-
-    settings = campaign.settings
-    uses = product(settings.plants, (DRIVES.checked(settings.drive),), settings.controllers)
-    request = ScenarioRequest(settings.scenario, settings.rig, settings.set)
-    lines = idle_lines(campaign.nominal, request, uses, unread=("limits.*", "expected"))
-    if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
-        lines.append(
-            f"{settings.name}: seed changes nothing here: {settings.sampling} sampling draws nothing"
-        )
-    return lines
-
-
-def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str]]) -> list[str]:
-    """Say what of a user's benchmark changes nothing in any of its runs.
-
-    `runs`: scenario of the benchmark, plant and controller of each.
-    """
-    from cranectl.support import Shipped
-    from cranectl.tools.benchmark.trials import scenario_source
-
-    lines: list[str] = []
-    listed = list(runs)
-    is_ours = benchmark.file.parent == Shipped.BENCHMARKS.folder
-    for name, measured in () if is_ours else benchmark.scenarios.items():
-        if uses := [
-            (plant, benchmark.drive, controller) for scenario, plant, controller in listed if scenario == name
-        ]:
-            request = ScenarioRequest(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
-            lines += idle_lines(request.load(), request, uses, unread=("log.*", "expected"))
-    return lines
+        if timeout == Loop.TIMEOUT:
+            return []
+        if cluster:
+            return ["--timeout changes nothing here: it is for runs of this machine"]
+        is_used = any(name in ALL_CONTROLLERS.opened.files for name in controllers)
+        return [] if is_used else ["--timeout changes nothing here: no controller is from a file"]
 
 
 def _fits(name: str, patterns: Iterable[str]) -> bool:
@@ -158,16 +141,3 @@ def _listed(names: Iterable[str]) -> str:
         f" and {len(whole) - SHOWN_NAMES} more" if len(whole) > SHOWN_NAMES else ""
     )
     return f"{listed} {'changes' if len(whole) == 1 else 'change'}"
-
-
-def idle_timeout(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
-    """Say why `--timeout`, where it is given, changes nothing for these controllers."""
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.simulate import Loop
-
-    if timeout == Loop.TIMEOUT:
-        return []
-    if cluster:
-        return ["--timeout changes nothing here: it is for runs of this machine"]
-    is_used = any(name in ALL_CONTROLLERS.opened.files for name in controllers)
-    return [] if is_used else ["--timeout changes nothing here: no controller is from a file"]

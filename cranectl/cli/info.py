@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.idle import idle_lines, print_idle
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.support import InputError, Quantity
 
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("info", cls=command.Command)
-@click.argument("file", metavar="FILE", type=command.PATH)
-@command.scenario_options
+@click.command("info", cls=Command)
+@click.argument("file", metavar="FILE", type=Command.PATH)
+@ScenarioRequest.options
 @click.option("--as-is", is_flag=True, help="Of a model: it is meant to differ, so the exit code is 0.")
-@command.json_option
-def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, screen: Screen) -> int:
+@Command.json_option
+def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Screen) -> int:
     """Show what a log, a rig, a scenario or a crane's model file is.
 
     Of a log: scenario, design, parameters, versions, topics and verdict. Every message and checksum is
@@ -55,7 +56,7 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
     if kind == "model":
         request = request._replace(source=None)
         scenario = request.read()
-        print_idle(screen, idle_lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
+        IdleSettings.print(screen, IdleSettings.lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
         return _print_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
     if kind == "rig":
         print_rig(request, screen)
@@ -69,7 +70,7 @@ def info_command(file: Path, request: command.ScenarioRequest, as_is: bool, scre
                 remedy="leave these options out",
             )
         _print_log(file, screen)
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
@@ -95,7 +96,7 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
     screen.print_each(_rig_lines(file, names, {**numbers, **ranges}), indent="  ")
     listed = [difference._asdict() for difference in differences]
     screen.write_json({"drives": own.servo, "rig": numbers, "ranges": ranges, "differences": listed})
-    return exit_codes.LIMIT_EXCEEDED if differences and not as_is else exit_codes.GOOD
+    return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
 
 
 def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float | list[float]]) -> Iterator[str]:
@@ -111,11 +112,11 @@ def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float | li
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
     from cranectl.log import Log, LogDescription
-    from cranectl.report.run.tables import topic_table
+    from cranectl.report.run.tables import RunTables
 
     read, description = Log.read(log), LogDescription.of(log)
     table = (_print_overlay if read.is_overlay else _print_plants)(description, read, screen)
-    screen.print(topic_table(description))
+    screen.print(RunTables.topics(description))
     screen.write_json({**description.to_json(), **table})
 
 
@@ -127,8 +128,8 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     from cranectl.cases import RunSummary
     from cranectl.log import origins
     from cranectl.planning import add_claims
-    from cranectl.report.run.differences import what_differs
-    from cranectl.report.run.tables import run_table
+    from cranectl.report.run.differences import LogTables
+    from cranectl.report.run.tables import RunTables
     from cranectl.support import Provenance
 
     runs = log.runs
@@ -145,9 +146,9 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
         _integrity(description),
     ):
         screen.print(f"{name:12} {text}")
-    screen.print(run_table({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
+    screen.print(RunTables.runs({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
     if len(runs) <= WIDEST:
-        differing = what_differs({name: {run.plant: run} for name, run in runs.items()})
+        differing = LogTables.what_differs({name: {run.plant: run} for name, run in runs.items()})
         screen.print(differing or "The runs were asked for with the same settings.")
     return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
@@ -158,7 +159,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     from cranectl.log import origins
     from cranectl.planning import add_claims
     from cranectl.plants import PhysicsStep
-    from cranectl.report.run.differences import settings_table
+    from cranectl.report.run.differences import LogTables
     from cranectl.support import Provenance
 
     runs = log.runs
@@ -192,7 +193,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
         _integrity(description),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
-    settings = settings_table({"": runs})
+    settings = LogTables.settings({"": runs})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {
         **_asked(run_list[0]),

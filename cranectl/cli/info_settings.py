@@ -21,9 +21,9 @@ SHOWN = "logs (.mcap), models (.xml), rigs and scenarios (.toml, or a name in `c
 def kind_of(file: Path) -> Kind:
     """Return what `info` shows of a file or name; raise InputError for what it does not show."""
     from cranectl.plants import PLANTS
-    from cranectl.scenario import rig_names, scenario_names
+    from cranectl.scenario import RigFile, scenario_names
 
-    if not File(file).exists() and str(file) in rig_names():
+    if not File(file).exists() and str(file) in RigFile.names():
         return "rig"
     if not File(file).exists() and str(file) in scenario_names():
         return "scenario"
@@ -110,11 +110,11 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
 
 
 def _rig_table(title: str, rig: "RigOrigins") -> "Table":
-    from cranectl.report.table import Cell, Table, cells
+    from cranectl.report.table import Cell, Table
     from cranectl.support import Tree
 
     rows = (
-        cells(n.name, Tree(n.value).text(), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
+        Cell.row(n.name, Tree(n.value).text(), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
         for n in rig.numbers
     )
     note = "Numbers of effects act in runs that have the effect. Units are SI; every key: list --schema rig."
@@ -123,7 +123,7 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
     from cranectl.support import Tree
 
     scenario = request.read()
@@ -143,7 +143,7 @@ def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     screen.print_each(f"{name:12} {text}" for name, text in facts)
     assumed = scenario.assumed_settings
     rows = tuple(
-        cells(name, Tree(value).text(), "scaled to the crane" if name in assumed else "")
+        Cell.row(name, Tree(value).text(), "scaled to the crane" if name in assumed else "")
         for name, value in scenario.changed_from_default.items()
     )
     title = "Settings that are not the default"

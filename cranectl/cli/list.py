@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.command import Command, json_option
+from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
-from cranectl.report.table import Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.support import Shipped
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ schema_option = click.option(
 
 @click.command("list", cls=Command)
 @schema_option
-@json_option
+@Command.json_option
 def list_command(screen: Screen) -> None:
     """List scenarios, rigs, controllers, plants and drives.
 
@@ -57,11 +57,11 @@ def list_command(screen: Screen) -> None:
     default = next(iter(ALL_CONTROLLERS))
     headings = [_heading(name, default) for name in Shipped.SCENARIOS.names()]
     rows = tuple(
-        cells(h["name"], f"{h['duration']:g} s", _name(h["controller"]), h["title"]) for h in headings
+        Cell.row(h["name"], f"{h['duration']:g} s", _name(h["controller"]), h["title"]) for h in headings
     )
     screen.print(Table("Scenarios", ("name", "duration", "controller", "what it is"), rows, labels=4))
     controllers = [(name, origin, title) for name, (origin, title) in ALL_CONTROLLERS.described().items()]
-    rows = tuple(cells(*controller) for controller in controllers)
+    rows = tuple(Cell.row(*controller) for controller in controllers)
     screen.print(Table("Controllers", ("name", "from", "what it is"), rows, labels=3))
     registries = {"rigs": Shipped.RIGS.names(), "plants": [*PLANTS], "drives": [*DRIVES]}
     screen.print_each(f"{name:12} {', '.join(entries)}" for name, entries in registries.items())
@@ -86,9 +86,9 @@ def _heading(name: str, default_controller: str) -> dict[str, Any]:
     if {"name", "title", "duration"} <= table.keys() and isinstance(controller, str):
         stated = {"name": table["name"], "title": table["title"], "duration": float(table["duration"])}
         return {**stated, "controller": controller}
-    from cranectl.scenario import read_scenario
+    from cranectl.scenario import ScenarioFile
 
-    return read_scenario(name).model_dump(include={"name", "title", "duration", "controller"})
+    return ScenarioFile.read(name).model_dump(include={"name", "title", "duration", "controller"})
 
 
 def json_schema(document: str) -> dict[str, Any]:

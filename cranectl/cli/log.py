@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command
-from cranectl.cli.output import Screen, styled
+from cranectl.cli.command import Command, CommandGroup, OutputFile
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
 from cranectl.tools.measured.commands.import_logs import import_log
 
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
-@click.command("export", cls=command.Command)
-@click.argument("log", metavar="LOG", type=command.PATH)
+@click.command("export", cls=Command)
+@click.argument("log", metavar="LOG", type=Command.PATH)
 @click.option(
     "--format",
     "format_name",
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     help="Shell pattern of the columns wanted, e.g. 'mujoco.state.*'; repeatable. Default: all.",
 )
 @click.option(
-    "--out", metavar="FILE", type=command.PATH, help="Default: beside LOG, with the format's ending."
+    "--out", metavar="FILE", type=Command.PATH, help="Default: beside LOG, with the format's ending."
 )
 def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], out: Path | None) -> None:
     """Write the signals of LOG as a table for pandas, MATLAB or Excel.
@@ -60,16 +61,16 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     screen.print_each(f"renamed: {name} is {new}" for name, new in exporter.renamed(table).items())
 
 
-@click.command("layout", cls=command.Command)
+@click.command("layout", cls=Command)
 @click.argument("name")
-@click.argument("out", type=command.OutputFile(FileKind.JSON))
-@command.plants_option(
+@click.argument("out", type=OutputFile(FileKind.JSON))
+@Names.plants_option(
     "Whose runs the log holds. Default: the usual; what shows one run then shows mujoco's.", of_logs=True
 )
 @click.option(
     "--log",
     metavar="LOG",
-    type=command.PATH,
+    type=Command.PATH,
     help="What is to be shown: its plants or labels, what its controller logs, and a camera that sees all of "
     "its rig. Default: a log of the flat family on the laboratory's rig.",
 )
@@ -136,12 +137,12 @@ def _signals_without_reference(runs: Mapping[str, "Run"]) -> set[str] | None:
     return {f"{topic}.{name}" for topic, group in groups.items() for name in group.names}
 
 
-@click.command("overlay", cls=command.Command)
-@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=command.PATH)
-@command.output_option("--out", FileKind.MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
-@command.label_option
-@command.plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
-@command.json_option
+@click.command("overlay", cls=Command)
+@click.argument("logs", metavar="LOG LOG...", nargs=-1, required=True, type=Command.PATH)
+@Command.output_option("--out", FileKind.MCAP, "Log of all. Default: logs/SCENARIO/overlay.mcap")
+@Names.label_option
+@Names.plants_option("Whose runs to take of each LOG. Default: MuJoCo's.", of_logs=True)
+@Command.json_option
 def overlay_logs(
     logs: tuple[Path, ...], out: Path | None, labels: tuple[str, ...], plants: tuple[str, ...], screen: Screen
 ) -> None:
@@ -158,7 +159,7 @@ def overlay_logs(
     from cranectl.cases import Case
     from cranectl.compare import Comparison
     from cranectl.log import Log
-    from cranectl.report.run.differences import distances_table
+    from cranectl.report.run.differences import DifferenceTables
 
     gathered = Log.gather(logs, labels=labels, plants=plants)
     runs = gathered.runs
@@ -174,20 +175,20 @@ def overlay_logs(
     gathered.write_overlay(path)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:
-        screen.print(styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
-    screen.print(distances_table(next(iter(runs)), comparisons))
+        screen.print(Screen.styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
+    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
     screen.print(f"view: cranectl log layout overlay view.json --log {shlex.quote(str(path))}")
     compared = [comparison.to_json() for comparison in comparisons.values()]
     screen.write_json({"log": str(path), "labels": [*runs], "comparisons": compared})
 
 
-@click.command("recover", cls=command.Command)
-@click.argument("file", metavar="FILE", type=command.PATH)
-@command.output_option(
+@click.command("recover", cls=Command)
+@click.argument("file", metavar="FILE", type=Command.PATH)
+@Command.output_option(
     "--out", FileKind.MCAP, "Log file. Default: the place the log should have had, if it is free"
 )
-@command.json_option
+@Command.json_option
 def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     """Save the readable part of FILE, a log that was cut off.
 
@@ -213,7 +214,7 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     screen.write_json(recovery.to_json())
 
 
-log_command = command.CommandGroup(
+log_command = CommandGroup(
     "log",
     [import_log, export_log, write_layout, overlay_logs, recover_log_command],
     help="Import, export, recover or overlay logs, lay out a viewer.",

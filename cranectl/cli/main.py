@@ -15,8 +15,8 @@ from typing import Any
 
 import click
 
-from cranectl.cli import exit_codes
 from cranectl.cli.command import Invocation
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.streams import steady_streams
 from cranectl.support import CranectlError, InputError, Interruption, MachineError, printable
 
@@ -34,7 +34,7 @@ Foxglove.
 
 \b
 Exit codes:
-""" + "\n".join(f"  {code:3}  {meaning}" for code, meaning in exit_codes.MEANINGS.items())
+""" + "\n".join(f"  {code:3}  {code.meaning}" for code in ExitCode)
 
 
 # Name of each command, and the first line of its help.
@@ -134,26 +134,26 @@ def _run(arguments: list[str], full_traceback: bool) -> int:
         shown = io.StringIO()
         error.show(file=shown)
         print("\n".join(map(printable, shown.getvalue().rstrip().split("\n"))), file=sys.stderr)
-        return exit_codes.BAD_INPUT
+        return ExitCode.BAD_INPUT
     except CranectlError as error:
         print(f"cranectl: bad input\n{error}", file=sys.stderr)
-        return exit_codes.BAD_INPUT
+        return ExitCode.BAD_INPUT
     except (KeyboardInterrupt, Exception) as error:
         if Interruption.is_cause_of(error) or isinstance(error, click.Abort):
             print("cranectl: interrupted", file=sys.stderr)
-            return exit_codes.INTERRUPTED
+            return ExitCode.INTERRUPTED
         if (named := _wrong_name(error, arguments)) is not None:
             print(f"cranectl: bad input\n{named}", file=sys.stderr)
-            return exit_codes.BAD_INPUT
+            return ExitCode.BAD_INPUT
         if MachineError.is_cause_of(error):
             print(f"cranectl: bad input\n{MachineError.of(InputError.describe(error))}", file=sys.stderr)
-            return exit_codes.BAD_INPUT
+            return ExitCode.BAD_INPUT
         if full_traceback:
             traceback.print_exc()
         what = printable(InputError.describe(error))
         print(f"cranectl: unforeseen {what}; please report it with what {TRACEBACK} adds", file=sys.stderr)
-        return exit_codes.UNFORESEEN
-    return code if isinstance(code, int) else exit_codes.GOOD
+        return ExitCode.UNFORESEEN
+    return code if isinstance(code, int) else ExitCode.GOOD
 
 
 def _wrong_name(error: BaseException, arguments: list[str]) -> InputError | None:

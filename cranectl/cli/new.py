@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import PATH, Command
-from cranectl.cli.counts import MAX_SEED, Count
+from cranectl.cli.command import Command
+from cranectl.cli.counts import Count
 from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
@@ -35,9 +35,16 @@ ENDINGS = {
 @click.argument("kind", type=click.Choice([*ENDINGS, MAP, EXPERIMENT]))
 @click.argument("name")
 @click.option(
-    "--in", "directory", metavar="DIR", type=PATH, default=Path(), help="Where to write. Default: here."
+    "--in",
+    "directory",
+    metavar="DIR",
+    type=Command.PATH,
+    default=Path(),
+    help="Where to write. Default: here.",
 )
-@click.option("--seed", type=Count(MAX_SEED, lowest=0), metavar="N", help="Of an experiment. Default: 0.")
+@click.option(
+    "--seed", type=Count(Count.MAX_SEED, lowest=0), metavar="N", help="Of an experiment. Default: 0."
+)
 @click.option(
     "--period",
     type=click.FloatRange(0.0, min_open=True),
@@ -113,30 +120,27 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
     from cranectl.cli.output import Screen
-    from cranectl.scenario import load_rig
-    from cranectl.tools.measured.programme import (
-        predict_estimates,
-        propose_runs,
-        recording_map,
-        set_points_text,
-    )
-    from cranectl.tools.measured.report import estimates_table
+    from cranectl.scenario import RigFile
+    from cranectl.tools.measured.programme import Programme
+    from cranectl.tools.measured.report import IdentificationReport
     from cranectl.tools.measured.suggestion import run_name
 
-    rig, name, screen = load_rig(rig_name), run_name(Path(rig_name).stem), Screen()
-    runs = propose_runs(rig, seed=seed, period=period)
+    rig, name, screen = RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
+    runs = Programme.runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
-    texts = {directory / f"{name}-run-{k}.csv": set_points_text(run) for k, run in enumerate(runs, 1)}
+    texts = {
+        directory / f"{name}-run-{k}.csv": Programme.set_points_text(run) for k, run in enumerate(runs, 1)
+    }
     starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.state.axes[0]) for run in runs)
     notes = [
         f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
     ]
-    _write({**texts, mapping: "".join(notes) + recording_map(name, base)})
+    _write({**texts, mapping: "".join(notes) + Programme.recording_map(name, base)})
     screen.print(programme_table(runs))
-    estimates, unidentifiable = predict_estimates(runs[:-1], rig)
+    estimates, unidentifiable = Programme.predict_estimates(runs[:-1], rig)
     title = f"At best, from runs 1 to {len(runs) - 1}: if the crane is as the model, with the rig's encoders"
-    screen.print(estimates_table(estimates, title))
+    screen.print(IdentificationReport.estimates(estimates, title))
     if unidentifiable:
         names = ", ".join(unidentifiable)
         screen.print(f"not identifiable, with intervals as large as the numbers: {names}")
@@ -149,16 +153,16 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
 
-    from cranectl.report.table import Table, cells
-    from cranectl.tools.measured.programme import largest_swing
+    from cranectl.report.table import Cell, Table
+    from cranectl.tools.measured.programme import Programme
 
     rows = [
-        cells(
+        Cell.row(
             str(k),
             *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",
             *(f"{speed:.3g}" for speed in np.abs(run.commands).max(axis=0)),
-            f"{np.degrees(largest_swing(run).max()):.1f}",
+            f"{np.degrees(Programme.largest_swing(run).max()):.1f}",
         )
         for k, run in enumerate(runs, 1)
     ]

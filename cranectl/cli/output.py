@@ -38,6 +38,10 @@ COLOURS = {"good": "green", "open": "yellow", "bad": "bold red", "head": "bold"}
 class Screen(Console):
     """A console that takes every string for text: one line without markup or control characters."""
 
+    PASSED, FAILED = Text("passed", style="green"), Text("FAILED", style="bold red")
+
+    PASSED, FAILED = Text("passed", style="green"), Text("FAILED", style="bold red")
+
     def __init__(self, json_file: str | None = None, *, stderr: bool = False) -> None:
         """Print on standard error where `json_file` is `-`, so that standard output carries only JSON."""
         super().__init__(stderr=stderr or json_file == "-", highlight=False, markup=False, emoji=False)
@@ -80,16 +84,14 @@ class Screen(Console):
 
     def save_page(self, page: "Page", path: Path) -> None:
         """Write a page and print where it is."""
-        from cranectl.report.page import write_page
-
-        write_page(page, path)
+        page.write(path)
         self.print(f"report: {path}")
 
     def save_figure(self, figure: Any, path: Path) -> None:
         """Draw a figure into a file and print where it is."""
-        from cranectl.report.theme import save_figure
+        from cranectl.report.theme import Chart
 
-        save_figure(figure, path)
+        Chart.save(figure, path)
         self.print(f"picture: {path}")
 
     def save_junit(
@@ -128,6 +130,66 @@ class Screen(Console):
                 needed -= max(cell.maximum for cell in cells) - max(cell.minimum for cell in cells)
         return needed
 
+    @staticmethod
+    def styled(text: str, style: str) -> Text:
+        """Return text from outside in one of our styles."""
+        return Text(printable(text), style=style)
+
+    @staticmethod
+    @contextmanager
+    def progress(*columns: "ProgressColumn") -> "Iterator[Progress]":
+        """Show progress on standard error: a bar on a terminal, else a line every few seconds."""
+        from rich.progress import Progress
+
+        screen = Screen(stderr=True)
+        with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
+            if screen.is_terminal:
+                yield shown
+                return
+            ended, printed = threading.Event(), threading.Event()
+            stream = sys.stderr
+
+            def print_lines() -> None:
+                try:
+                    _print_lines(shown, ended, stream)
+                finally:
+                    printed.set()
+
+            in_background(print_lines)
+            try:
+                yield shown
+            finally:
+                ended.set()
+                printed.wait(LINE_EVERY)
+
+    @staticmethod
+    @contextmanager
+    def progress_bar(
+        total: float, text: str = PREPARING, *, unit: str = "s", done: str = "simulated"
+    ) -> Iterator[Callable[..., None]]:
+        """Show a bar on standard error, or lines as `progress`; yield `advance(amount, text)`.
+
+        `text` is what it says, from then on where `advance` is given one.
+        """
+        from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit} {done}"),
+            TimeRemainingColumn(),
+        )
+        with Screen.progress(*columns) as shown:
+            task = shown.add_task(printable(text), total=total)
+
+            def advance(amount: float, now: str | None = None) -> None:
+                shown.update(task, advance=amount, description=None if now is None else printable(now))
+                (item,) = shown.tasks
+                if item.total is not None and item.completed > item.total:  # such as runs with finer steps
+                    shown.update(task, total=item.completed)
+
+            yield advance
+
 
 def _part(table: ScreenTable, first: int, after: int) -> ScreenTable:
     """Return a table of the first column and of those from `first` to before `after`."""
@@ -148,11 +210,6 @@ def _with_group(columns: Sequence[Column], k: int) -> Column:
     return replace(column, header=heading("\n".join([next(filter(None, groups), ""), *rest])))
 
 
-def styled(text: str, style: str) -> Text:
-    """Return text from outside in one of our styles."""
-    return Text(printable(text), style=style)
-
-
 def heading(text: str) -> Text:
     """Return a heading or note of cranectl, on several lines."""
     return Text("\n".join(map(printable, text.split("\n"))))
@@ -164,7 +221,7 @@ def screen_table(table: Table) -> ScreenTable:
     Where there is little room its texts are folded, but never the first column, nor numbers.
     """
     shown = ScreenTable(
-        title=styled(table.title, ""),
+        title=Screen.styled(table.title, ""),
         title_justify="left",
         caption=heading(table.note) if table.note else None,
         caption_justify="left",
@@ -184,35 +241,8 @@ def screen_table(table: Table) -> ScreenTable:
         )
         before = first
     for row in table.rows:
-        shown.add_row(*(styled(cell.text, COLOURS.get(cell.mark, "")) for cell in row))
+        shown.add_row(*(Screen.styled(cell.text, COLOURS.get(cell.mark, "")) for cell in row))
     return shown
-
-
-@contextmanager
-def progress(*columns: "ProgressColumn") -> "Iterator[Progress]":
-    """Show progress on standard error: a bar on a terminal, else a line every few seconds."""
-    from rich.progress import Progress
-
-    screen = Screen(stderr=True)
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
-        if screen.is_terminal:
-            yield shown
-            return
-        ended, printed = threading.Event(), threading.Event()
-        stream = sys.stderr
-
-        def print_lines() -> None:
-            try:
-                _print_lines(shown, ended, stream)
-            finally:
-                printed.set()
-
-        in_background(print_lines)
-        try:
-            yield shown
-        finally:
-            ended.set()
-            printed.wait(LINE_EVERY)
 
 
 def _print_lines(shown: "Progress", ended: threading.Event, stream: TextIO) -> None:
@@ -238,37 +268,6 @@ def _print_lines(shown: "Progress", ended: threading.Event, stream: TextIO) -> N
                 print(f"cranectl: {text}{so_far}", file=stream, flush=True)
 
 
-PASSED, FAILED = styled("passed", "green"), styled("FAILED", "bold red")
-
-
 def _finite(value: Any) -> Any:
     """Return `value`, or None for infinities and NaN, which JSON does not have."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@contextmanager
-def progress_bar(
-    total: float, text: str = PREPARING, *, unit: str = "s", done: str = "simulated"
-) -> Iterator[Callable[..., None]]:
-    """Show a bar on standard error, or lines as `progress`; yield `advance(amount, text)`.
-
-    `text` is what it says, from then on where `advance` is given one.
-    """
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}} {unit} {done}"),
-        TimeRemainingColumn(),
-    )
-    with progress(*columns) as shown:
-        task = shown.add_task(printable(text), total=total)
-
-        def advance(amount: float, now: str | None = None) -> None:
-            shown.update(task, advance=amount, description=None if now is None else printable(now))
-            (item,) = shown.tasks
-            if item.total is not None and item.completed > item.total:  # such as runs with finer steps
-                shown.update(task, total=item.completed)
-
-        yield advance

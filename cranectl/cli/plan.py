@@ -4,8 +4,9 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
 
@@ -16,17 +17,17 @@ UNREAD = (
 )  # fmt: skip
 
 
-@click.command("plan", cls=command.Command)
-@command.scenario_argument
-@command.output_option(
+@click.command("plan", cls=Command)
+@ScenarioRequest.argument
+@Command.output_option(
     "--plot", None, "Draw path and limits over time (.svg, .pdf, .png).", endings=FileKind.PLOTS
 )
 @click.option(
     "--bound", is_flag=True, help="Plan with twice the knots too; tell what ever finer ones tend to."
 )
-@command.scenario_options
-@command.json_option
-def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
+@ScenarioRequest.options
+@Command.json_option
+def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, screen: Screen) -> int:
     """Plan the motions of SCENARIO and show them, without a run.
 
     Shows how long each motion lasts, which limits act when, and what is proven. Exit code 1 if a limit
@@ -39,32 +40,32 @@ def plan_command(request: command.ScenarioRequest, plot: Path | None, bound: boo
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
     from cranectl.planning import plan_motions
-    from cranectl.planning.review import estimate_least_durations, reviews
-    from cranectl.report.plan import plan_json, plan_tables
-    from cranectl.scenario import EFFECTS, scenario_file
+    from cranectl.planning.review import Review
+    from cranectl.report.plan import PlanReport
+    from cranectl.scenario import EFFECTS, ScenarioFile
     from cranectl.simulate import PlannedReference
 
-    written, directory = request.read(), scenario_file(str(request.source)).parent
+    written, directory = request.read(), ScenarioFile.find(str(request.source)).parent
     ready = plan_motions(written, directory)
     PlannedReference.of(ready)  # refuses what no run can follow
-    reviewed = reviews(ready)
-    least = estimate_least_durations(ready, written, directory) if bound and reviewed else ()
+    reviewed = Review.of(ready)
+    least = Review.least_durations(ready, written, directory) if bound and reviewed else ()
     if plot is not None and not reviewed:
         raise InputError(
             f"nothing to draw: all segments of {ready.name} say themselves when the load is where",
             allowed="a scenario with a segment in minimum time",
             remedy="take kind = 'move', or time_law = 'minimum-time' instead of a duration",
         )
-    screen.print_each(plan_tables(ready, reviewed, least))
+    screen.print_each(PlanReport.tables(ready, reviewed, least))
     if not reviewed:
         screen.print("nothing is proven: no segment is planned in minimum time")
     effects = [name for name, kind in EFFECTS.items() if kind.is_structural or not kind.adds]
-    unread = (*OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
-    print_idle_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
+    unread = (*IdleSettings.OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
+    IdleSettings.print_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
-        from cranectl.report.plan import plan_figure
+        from cranectl.report.plan import PlanReport
 
-        screen.save_figure(plan_figure(reviewed, ready), plot)
-    screen.write_json(plan_json(ready, reviewed, least))
+        screen.save_figure(PlanReport.figure(reviewed, ready), plot)
+    screen.write_json(PlanReport.json(ready, reviewed, least))
     proven = all(review.proof.is_valid for review in reviewed)
-    return exit_codes.GOOD if proven else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if proven else ExitCode.LIMIT_EXCEEDED

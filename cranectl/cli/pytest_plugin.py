@@ -61,7 +61,7 @@ def closed_loop(
     ) -> "CaseRuns":
         __tracebackhide__ = True
         from cranectl.cases import Case, CaseRuns
-        from cranectl.cli.controller_options import opened
+        from cranectl.cli.controller_options import ControllerName
         from cranectl.planning import load_scenario
         from cranectl.plants import DRIVES
         from cranectl.support import InputError
@@ -73,7 +73,7 @@ def closed_loop(
                     rig=None if rig is None else _beside(here, rig),
                     overrides=list(overrides),
                 ),
-                controller=controller and opened(controller, here),
+                controller=controller and ControllerName.open(controller, here),
                 drive=DRIVES.checked(drive),
                 plants=plants or (),
             )

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, command_given, directory_option, output_option, short_names
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
 
@@ -17,9 +18,11 @@ if TYPE_CHECKING:
 
 
 @click.command("report", cls=Command)
-@click.argument("logs", metavar="[LOG]...", nargs=-1, type=PATH)
-@output_option("--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without.")
-@directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
+@click.argument("logs", metavar="[LOG]...", nargs=-1, type=Command.PATH)
+@Command.output_option(
+    "--out", FileKind.HTML, "Default: beside LOG, named after all LOGs; thesis.html without."
+)
+@Command.directory_option("--figures", "Also save each figure of the page as a file in DIR (.svg, .png).")
 def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | None) -> int:
     """Write runs, or the thesis, as one page of figures and tables.
 
@@ -41,21 +44,20 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
         return run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
-    name = "-and-".join(label.replace("/", "-") for label in short_names(logs))
+    name = "-and-".join(label.replace("/", "-") for label in Names.of_files(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html", figures)
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log import Log
-    from cranectl.report.page import write_figures
-    from cranectl.report.run.page import log_page
+    from cranectl.report.run.page import LogPage
     from cranectl.support import Provenance
     from cranectl.tools.render.draw import draw_worst_moment
 
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
-    for label, log in zip(short_names(logs), logs, strict=True):
+    for label, log in zip(Names.of_files(logs), logs, strict=True):
         read = Log.read(log)
         if not read.is_overlay:
             of_logs[label], versions[label] = read.runs, read.first.versions
@@ -76,12 +78,12 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
             worst[label] = draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    page = log_page(of_logs, command_given(), notes, versions=versions, worst=worst)
+    page = LogPage.of(of_logs, Command.given(), notes, versions=versions, worst=worst)
     screen = Screen()
     screen.print_each(notes)
     screen.save_page(page, out)
     if figures is not None:
-        screen.print(f"figures: {write_figures(page, figures)} files in {figures}")
+        screen.print(f"figures: {page.write_figures(figures)} files in {figures}")
 
 
 def _check_number(logs: int) -> None:

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controller_option, timeout_option
-from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
-from cranectl.cli.output import Screen, progress_bar, styled
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi
 from cranectl.support import File, FileKind, InputError
 
@@ -18,22 +20,22 @@ if TYPE_CHECKING:
     from cranectl.scenario import RigParameters
 
 
-@click.command("run", cls=command.Command)
-@command.scenario_argument
-@controller_option
-@command.run_plants_option
-@command.drive_option(default="ideal")
-@command.scenario_options
-@command.every_option
-@timeout_option
-@command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
-@command.output_option(
+@click.command("run", cls=Command)
+@ScenarioRequest.argument
+@ControllerName.option
+@Names.run_plants_option
+@ScenarioRequest.drive_option(default="ideal")
+@ScenarioRequest.options
+@ScenarioRequest.every_option
+@ControllerName.timeout_option
+@Command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/SCENARIO/CONTROLLER-DRIVE.mcap")
+@Command.output_option(
     "--fmu", None, "Write the plant as an FMU for co-simulation: analytic or elastic.", endings=FileKind.FMUS
 )
 @fmi_option
-@command.json_option
+@Command.json_option
 def run_command(
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -55,7 +57,7 @@ def run_command(
     """
     from cranectl.cases import Case
     from cranectl.plants import DRIVES
-    from cranectl.report.run import tables
+    from cranectl.report.run.tables import RunTables
 
     case = Case.of(
         request.load(),
@@ -70,21 +72,21 @@ def run_command(
     else:
         _write_fmu(case, fmu, fmi)
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
-    with progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
+    with Screen.progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = case.run(progress=advance)
-    screen.print(tables.run_table({case.log.stem: result.runs}))
-    screen.print_each([*case.left_out, *tables.run_notes([result])], indent="  ")
+    screen.print(RunTables.runs({case.log.stem: result.runs}))
+    screen.print_each([*case.left_out, *RunTables.run_notes([result])], indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
-        screen.print(styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
+        screen.print(Screen.styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
-    idle = idle_lines(case.scenario, request, uses)
-    print_idle(screen, [*idle, *idle_timeout([case.controller], timeout)])
-    screen.print(tables.metrics_table({"": result.runs}))
-    if (limits := tables.limits_table([result.runs])) is not None:
+    idle = IdleSettings.lines(case.scenario, request, uses)
+    IdleSettings.print(screen, [*idle, *IdleSettings.timeout_lines([case.controller], timeout)])
+    screen.print(RunTables.metrics({"": result.runs}))
+    if (limits := RunTables.limits([result.runs])) is not None:
         screen.print(limits)
     if result.agreements:
-        screen.print(tables.agreement_table(result.agreements))
-        screen.print_each(tables.limit_notes(result.agreements), indent="  ")
+        screen.print(RunTables.agreement(result.agreements))
+        screen.print_each(RunTables.limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
     if fmu is not None:
         screen.print(f"exported: {fmu}, the {case.plants[0]} plant with {drive} drives")
@@ -102,10 +104,10 @@ def run_command(
         }
     )
     if result.interrupted:
-        return exit_codes.INTERRUPTED
+        return ExitCode.INTERRUPTED
     if result.stopped:
-        return exit_codes.RUN_STOPPED
-    return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED
+        return ExitCode.RUN_STOPPED
+    return ExitCode.GOOD if result.passed else ExitCode.LIMIT_EXCEEDED
 
 
 def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.completion import complete_scenarios
-from cranectl.cli.controller_options import controllers_option, timeout_option
-from cranectl.cli.counts import MAX_WORKERS, available_cores, count_option
-from cranectl.cli.idle import idle_lines, idle_timeout, print_idle
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.completion import Completion
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.cli.validate_results import print_results
 from cranectl.support import File, FileKind, InputError
-from cranectl.tools.measured.commands.files import map_option, sheets_option
+from cranectl.tools.measured.commands.files import MeasuredRuns
 from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 
 if TYPE_CHECKING:
@@ -25,16 +27,18 @@ if TYPE_CHECKING:
     from cranectl.scenario import RigParameters, Scenario
 
 
-@click.command("validate", cls=command.Command)
-@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1, shell_complete=complete_scenarios)
-@controllers_option("Default: the six of the flat family; all: every one; law.py:NAME; repeatable.")
-@command.run_plants_option
-@command.drive_option(default="both")
-@command.scenario_options
-@command.directory_option("--out", "Directory for the logs.", default="logs", show_default=True)
-@count_option("--jobs", "Worker processes. Default: one for each core.", highest=MAX_WORKERS)
-@command.every_option
-@timeout_option
+@click.command("validate", cls=Command)
+@click.argument("scenarios", metavar="[SCENARIO]...", nargs=-1, shell_complete=Completion.scenarios)
+@ControllerName.repeated_option(
+    "Default: the six of the flat family; all: every one; law.py:NAME; repeatable."
+)
+@Names.run_plants_option
+@ScenarioRequest.drive_option(default="both")
+@ScenarioRequest.options
+@Command.directory_option("--out", "Directory for the logs.", default="logs", show_default=True)
+@Count.option("--jobs", "Worker processes. Default: one for each core.", highest=Count.MAX_WORKERS)
+@ScenarioRequest.every_option
+@ControllerName.timeout_option
 @click.option(
     "--keep",
     type=click.Choice(["all", "failed", "none"]),
@@ -48,18 +52,18 @@ if TYPE_CHECKING:
 @click.option(
     "--details", is_flag=True, help="Show every controller and plant, not only the largest differences."
 )
-@map_option("For measured files: map of their columns.")
-@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@MeasuredRuns.map_option("For measured files: map of their columns.")
+@MeasuredRuns.sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option("--tolerance", metavar="SIZE", help="For measured runs: the difference you accept, e.g. 5mm.")
-@command.output_option("--junit", FileKind.XML, "Write JUnit XML, a test case for each case.")
-@command.output_option("--report", FileKind.HTML, "Write one HTML page: verdict, limits, worst moments.")
-@command.json_option
+@Command.output_option("--junit", FileKind.XML, "Write JUnit XML, a test case for each case.")
+@Command.output_option("--report", FileKind.HTML, "Write one HTML page: verdict, limits, worst moments.")
+@Command.json_option
 def validate_command(
     scenarios: tuple[str, ...],
     controllers: tuple[str, ...],
     plants: tuple[str, ...],
     drive: str,
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     out: Path,
     jobs: int | None,
     timeout: float,
@@ -108,7 +112,7 @@ def validate_command(
         )  # fmt: skip
     from cranectl.cases import Pairwise
     from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.report.run.differences import pair_tables
+    from cranectl.report.run.differences import DifferenceTables
     from cranectl.simulate import Loop
 
     names = ALL_CONTROLLERS.chosen(controllers)
@@ -122,15 +126,15 @@ def validate_command(
     validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
     pairs = Pairwise.of(validation) if pairwise else None
-    screen.print_each(pair_tables(pairs) if pairs and pairs.pairs else ())
+    screen.print_each(DifferenceTables.pairs(pairs) if pairs and pairs.pairs else ())
     print_results(validation, code, out, screen, details=details)
-    idle = idle_timeout(names, timeout)
+    idle = IdleSettings.timeout_lines(names, timeout)
     for source, scenario in loaded.items():
         uses = [(p, case.drive, case.controller) for case in cases for p in case.plants]
         unread = ("log.*",) * (keep == "none")
-        idle += idle_lines(scenario, request._replace(source=source), uses, unread=unread)
-    print_idle(screen, idle)
-    data = validation.to_json(passed=code == exit_codes.GOOD)
+        idle += IdleSettings.lines(scenario, request._replace(source=source), uses, unread=unread)
+    IdleSettings.print(screen, idle)
+    data = validation.to_json(passed=code == ExitCode.GOOD)
     screen.write_json(data if pairs is None else {**data, "pairwise": pairs.to_json()})
     options = [
         *(("--rig", str(request.rig)) if request.rig else ()),
@@ -196,12 +200,12 @@ def _run(
     chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
     if cases:
         FileKind.MCAP.check_place(out / "any.mcap", option="--out")  # once, not by every case
-    with progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
+    with Screen.progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
 
         def done(case: "Case") -> None:
             advance(case.simulated_seconds, f"{case.scenario.name}, {case.controller}")
 
-        return Validation.run(cases, unloaded, chosen, jobs=jobs or available_cores(), done=done)
+        return Validation.run(cases, unloaded, chosen, jobs=jobs or Count.available_cores(), done=done)
 
 
 def _page(
@@ -209,16 +213,16 @@ def _page(
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
     from cranectl.log import read_log
-    from cranectl.report.validation import validation_page, worst_logs
+    from cranectl.report.validation import ValidationPage
     from cranectl.tools.render.draw import draw_worst_moment
 
     moments = {}
     try:
-        for source, log in worst_logs(validation).items():
+        for source, log in ValidationPage.worst_logs(validation).items():
             moments[source] = draw_worst_moment(read_log(log))
     except InputError as error:
         screen.print(f"report: no picture of the crane: {error.found}")
-    return validation_page(validation, options, command.command_given(), pairs, moments)
+    return ValidationPage.of(validation, options, Command.given(), pairs, moments)
 
 
 def _sources(names: Sequence[str]) -> list[str]:
@@ -267,7 +271,7 @@ def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence[
 
 
 def _loaded(
-    request: command.ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
+    request: ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
     """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
     from cranectl.cases import Failure
@@ -294,13 +298,13 @@ def _loaded(
 def _exit_code(validation: "Validation") -> int:
     """Return the most serious code; a run that stops as its scenario expects is good."""
     if validation.outcome.interrupted:
-        return exit_codes.INTERRUPTED
+        return ExitCode.INTERRUPTED
     failures = [failure for _, _, failure in validation.failures]
     if validation.without_result or not all(failure.bad_input for failure in failures):
-        return exit_codes.UNFORESEEN
+        return ExitCode.UNFORESEEN
     if failures:
-        return exit_codes.BAD_INPUT
+        return ExitCode.BAD_INPUT
     if any(result.stopped and not result.as_expected for result in validation.finished):
-        return exit_codes.RUN_STOPPED
+        return ExitCode.RUN_STOPPED
     good = all(result.passed for result in validation.finished)
-    return exit_codes.GOOD if good else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if good else ExitCode.LIMIT_EXCEEDED

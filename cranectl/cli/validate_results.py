@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.output import FAILED, PASSED, Screen, styled
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.cases import Failure, Validation
@@ -20,26 +20,26 @@ SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 def print_results(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
     """Print the results of the cases, and on standard error why some could not be run."""
-    from cranectl.report.run.tables import agreement_table, limit_notes, limits_table, run_notes
+    from cranectl.report.run.tables import RunTables
 
     finished, missing = validation.finished, validation.without_result
     if finished or missing:
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         if details:
-            screen.print(agreement_table(agreements, validation.other_failures))
+            screen.print(RunTables.agreement(agreements, validation.other_failures))
         else:
             screen.print_each(agreement_lines(agreements, validation.other_failures))
         judged = [result.runs for result in validation.judged]
-        if (limits := limits_table(judged, worst=SHOWN_FAILURES)) is not None:
+        if (limits := RunTables.limits(judged, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
-        notes = [*limit_notes(agreements), *run_notes(finished)]
+        notes = [*RunTables.limit_notes(agreements), *RunTables.run_notes(finished)]
         screen.print_each(notes[:SHOWN_FAILURES], indent="  ")
         if len(notes) > SHOWN_FAILURES:
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
         for case in () if validation.interruption else missing:
             name = f"{case.source}, {case.controller}, {case.drive}"
-            screen.print(" ", styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
+            screen.print(" ", Screen.styled(f"{name}: no result, {validation.missing_reason}", "bold red"))
         logs = sum(result.log is not None for result in finished)
         logs_text = "logs" if logs == len(finished) else f"{logs} of {len(finished)} logs"
         screen.print(f"{len(runs)} runs, {logs_text} in {out}" if logs else f"{len(runs)} runs, no log kept")
@@ -47,20 +47,20 @@ def print_results(validation: "Validation", code: int, out: Path, screen: Screen
         if len(validation.plants) == 1:
             aside.append(f"(agreement not judged: {validation.plants[0]} is the only plant)")
         if validation.interruption:
-            screen.print(styled(validation.interruption, "yellow"))
+            screen.print(Screen.styled(validation.interruption, "yellow"))
         else:
-            screen.print("validation", PASSED if code == exit_codes.GOOD else FAILED, *aside)
+            screen.print("validation", Screen.PASSED if code == ExitCode.GOOD else Screen.FAILED, *aside)
     _print_failures(validation)
 
 
 def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = ()) -> "Iterator[Table | str]":
     """Yield a table with one row for each scenario, and one of the plants that disagree."""
-    from cranectl.report.run.tables import agreement_summary, agreement_table
+    from cranectl.report.run.tables import RunTables
 
     if agreements:  # a single plant has none
-        yield agreement_summary(agreements, others)
+        yield RunTables.agreement_summary(agreements, others)
     if failed := [agreement for agreement in agreements if agreement.passed is False]:
-        table = agreement_table(failed[:SHOWN_FAILURES])
+        table = RunTables.agreement(failed[:SHOWN_FAILURES])
         yield replace(table, title=f"Plants that disagree: {len(failed)}")
         if len(failed) > SHOWN_FAILURES:
             yield f"  and {len(failed) - SHOWN_FAILURES} more, with --details"

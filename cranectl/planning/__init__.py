@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cranectl.scenario import BlendedPath, Scenario, Segment, Spline, read_scenario, scenario_file
+from cranectl.scenario import BlendedPath, Scenario, ScenarioFile, Segment, Spline
 from cranectl.support import Arguments
 
 
@@ -37,8 +37,8 @@ def load_scenario(
     >>> load_scenario("fixed-position", overrides=["rig.load_mass=2.5"]).rig.load_mass
     2.5
     """
-    scenario = read_scenario(name_or_path, rig=rig, overrides=overrides)
-    return plan_motions(scenario, scenario_file(name_or_path).parent)
+    scenario = ScenarioFile.read(name_or_path, rig=rig, overrides=overrides)
+    return plan_motions(scenario, ScenarioFile.find(name_or_path).parent)
 
 
 def plan_motions(scenario: Scenario, directory: Path = Path()) -> Scenario:
@@ -70,9 +70,9 @@ def add_claims(scenario: Scenario) -> Scenario:
     segments = list(scenario.reference.segments)
     if not any(map(describe_planning, segments)):
         return scenario
-    from cranectl.planning.review import reviews
+    from cranectl.planning.review import Review
 
-    for review in reviews(scenario):
+    for review in Review.of(scenario):
         segments[review.segment] = segments[review.segment].claiming(review.summary)
     reference = scenario.reference.model_copy(update={"segments": tuple(segments)})
     return scenario.model_copy(update={"reference": reference})

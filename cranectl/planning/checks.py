@@ -8,7 +8,7 @@ import numpy as np
 from cranectl.planning.limits import AXES, Constraint, Limits, clearance, constraints, motion
 from cranectl.planning.proof import PROOF_MARGIN
 from cranectl.reference import Series
-from cranectl.scenario import Scenario, scenarios_in
+from cranectl.scenario import Scenario, ScenarioFile
 from cranectl.support import Array, InputError
 
 MAX_PLANNED = 200  # segments of a scenario whose timing is planned
@@ -74,7 +74,7 @@ def _raise_unreachable(constraint: Constraint, value: float, limits: Limits, wha
     raise InputError(
         f"{what} is out of reach: there the {constraint.name} is {value:.4g} m",
         allowed=f"{constraint.name} from {constraint.low:.4g} to {constraint.high:.4g} m",
-        remedy=REMEDIES[subject] + scenarios_in(limits.axes),
+        remedy=REMEDIES[subject] + ScenarioFile.made_for(limits.axes),
     )
 
 

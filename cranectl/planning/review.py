@@ -80,37 +80,35 @@ class Review(NamedTuple):
         proven = proven if self.proof.is_valid else "NOT proven"
         return f"{self.description}, {self.duration:.3f} s; {proven}; at {active}"
 
+    @staticmethod
+    def of(scenario: Scenario) -> "list[Review]":
+        """Review all planned segments of a scenario."""
+        result, point, start_time = [], np.array(scenario.reference.start), 0.0
+        for index, segment in enumerate(scenario.reference.segments):
+            if request := describe_planning(segment):
+                result.append(_review(scenario, index, request, segment, start=point, start_time=start_time))
+            point, start_time = Trajectory.end_of(segment, point), start_time + segment.seconds
+        return result
 
-def reviews(scenario: Scenario) -> list[Review]:
-    """Review all planned segments of a scenario."""
-    result, point, start_time = [], np.array(scenario.reference.start), 0.0
-    for index, segment in enumerate(scenario.reference.segments):
-        if request := describe_planning(segment):
-            result.append(_review(scenario, index, request, segment, start=point, start_time=start_time))
-        point, start_time = Trajectory.end_of(segment, point), start_time + segment.seconds
-    return result
+    @staticmethod
+    def least_durations(plan: Scenario, requested: Scenario, directory: Path = Path()) -> tuple[float, ...]:
+        """Estimate the least duration of each segment [s] with any knots, from the `plan` of `requested`.
+
+        The duration T(n) of plans with n knot spans exceeds its limit by a term in 1/n, so the estimate is
+        T(2n) - (T(n) - T(2n)), see docs/explanation/planning.md.
+        """
+        finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
+        plans = plan, plan_motions(requested.model_copy(update={"planning": finer}), directory)
+        coarse, fine = ([segment.seconds for segment in plan.reference.segments] for plan in plans)
+        if len(coarse) != len(fine):  # one of the plans has stops
+            return (float("nan"),) * len(coarse)
+        return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
 
 
 def claim_for(segment: Segment, start: Array, scenario: Scenario) -> str:
     """Return the summary of the review of a segment planned from `start` (3,) [m], else an empty text."""
     request = describe_planning(segment)
     return _review(scenario, 0, request, segment, start=start, start_time=0.0).summary if request else ""
-
-
-def estimate_least_durations(
-    plan: Scenario, requested: Scenario, directory: Path = Path()
-) -> tuple[float, ...]:
-    """Estimate the least duration of each segment [s] with any knots, from the `plan` of `requested`.
-
-    The duration T(n) of plans with n knot spans exceeds its limit by a term in 1/n, so the estimate is
-    T(2n) - (T(n) - T(2n)), see docs/explanation/planning.md.
-    """
-    finer = requested.planning.model_copy(update={"refinement": 2 * requested.planning.refinement})
-    plans = plan, plan_motions(requested.model_copy(update={"planning": finer}), directory)
-    coarse, fine = ([segment.seconds for segment in plan.reference.segments] for plan in plans)
-    if len(coarse) != len(fine):  # one of the plans has stops
-        return (float("nan"),) * len(coarse)
-    return tuple(2.0 * b - a for a, b in zip(coarse, fine, strict=True))
 
 
 def curve_of(segment: Segment, start: Array) -> SegmentCurve:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure as Drawing
 from PIL.Image import Image
 
 from cranectl.report.table import Cell, Table
-from cranectl.report.theme import SUBSCRIPT, css_variables, inline_svg, standalone_svg, styled
+from cranectl.report.theme import Chart
 from cranectl.support import File, FileKind
 
 
@@ -35,8 +35,8 @@ class Figure:
         cls, title: str, caption: str, draw: Callable[..., Drawing], *data: Any, **more: Any
     ) -> "Figure":
         """Return the figure that `draw(*data)` draws, in the page's style."""
-        with styled():
-            return cls(title, inline_svg(draw(*data)), caption, **more)
+        with Chart.styled():
+            return cls(title, Chart.inline_svg(draw(*data)), caption, **more)
 
     @classmethod
     def pictured(cls, title: str, caption: str, picture: Image) -> "Figure":
@@ -103,6 +103,28 @@ class Page:
         for section in self.sections:
             yield from section.figures
 
+    def write(self, path: Path) -> None:
+        """Write the page in one atomic step; raise InputError if that fails."""
+        with File(path).writing():
+            File(path).write_text(render(self))
+
+    def write_figures(self, directory: Path) -> int:
+        """Write each figure of the page as a file named by its title; return how many.
+
+        Drawings become SVG files in the colours of light pages, bitmaps PNG files. Raises InputError for a
+        file that cannot be written or that another kind of file would replace.
+        """
+        taken: Counter[str] = Counter()
+        for figure in self.figures:
+            name = re.sub(r"[^\w.]+", "-", f"{figure.number} {figure.title}".lower()).strip("-")
+            taken[name] += 1
+            name += f"-{taken[name]}" if taken[name] > 1 else ""
+            path = directory / f"{name}.{'png' if figure.png else 'svg'}"
+            FileKind.of(path, FileKind.PLOTS).check_place(path, option="--figures")
+            with File(path).writing(), File(path).replacing() as part:
+                part.write_bytes(figure.png or Chart.standalone_svg(figure.svg).encode())
+        return taken.total()
+
 
 def render(page: Page) -> str:
     """Render the page as HTML."""
@@ -115,34 +137,10 @@ def render(page: Page) -> str:
     )
     environment.filters["typeset"] = typeset
     template = environment.get_template("page.html.jinja")
-    light, dark = (Markup(css_variables(dark=dark)) for dark in (False, True))
+    light, dark = (Markup(Chart.css_variables(dark=dark)) for dark in (False, True))
     return template.render(page=page, light=light, dark=dark)
 
 
 def typeset(text: str) -> Markup:
     """Return text with the subscripts of its symbols."""
-    return Markup(SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text))))
-
-
-def write_page(page: Page, path: Path) -> None:
-    """Write the page in one atomic step; raise InputError if that fails."""
-    with File(path).writing():
-        File(path).write_text(render(page))
-
-
-def write_figures(page: Page, directory: Path) -> int:
-    """Write each figure of the page as a file named by its title; return how many.
-
-    Drawings become SVG files in the colours of light pages, bitmaps PNG files. Raises InputError for a
-    file that cannot be written or that another kind of file would replace.
-    """
-    taken: Counter[str] = Counter()
-    for figure in page.figures:
-        name = re.sub(r"[^\w.]+", "-", f"{figure.number} {figure.title}".lower()).strip("-")
-        taken[name] += 1
-        name += f"-{taken[name]}" if taken[name] > 1 else ""
-        path = directory / f"{name}.{'png' if figure.png else 'svg'}"
-        FileKind.of(path, FileKind.PLOTS).check_place(path, option="--figures")
-        with File(path).writing(), File(path).replacing() as part:
-            part.write_bytes(figure.png or standalone_svg(figure.svg).encode())
-    return taken.total()
+    return Markup(Chart.SUBSCRIPT.sub(r"\1<sub>\2</sub>", str(escape(text))))

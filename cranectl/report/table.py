@@ -15,19 +15,27 @@ class Cell:
     text: str
     mark: str = ""
 
+    @staticmethod
+    def row(*values: "Cell | str") -> "tuple[Cell, ...]":
+        """Return a row or a part of one; a text becomes a cell without a mark."""
+        return tuple(Cell(value) if isinstance(value, str) else value for value in values)
 
-def cells(*values: Cell | str) -> tuple[Cell, ...]:
-    """Return a row or a part of one; a text becomes a cell without a mark."""
-    return tuple(Cell(value) if isinstance(value, str) else value for value in values)
+    @staticmethod
+    def listed(names: Sequence[str]) -> str:
+        """Return names as a text with `and` before the last."""
+        return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
+    @staticmethod
+    def answer(value: bool | None) -> "Cell":
+        """Return the answer to a question as a cell: yes, NO, or not judged for None."""
+        words = {True: ("yes", "good"), False: ("NO", "bad"), None: ("not judged", "open")}
+        return Cell(*words[value])
 
-def listed(names: Sequence[str]) -> str:
-    """Return names as a text with `and` before the last."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
-
-
-ANSWERS = {True: Cell("yes", "good"), False: Cell("NO", "bad"), None: Cell("not judged", "open")}
-VERDICTS = {True: Cell("passed", "good"), False: Cell("FAILED", "bad"), None: Cell("not judged", "open")}
+    @staticmethod
+    def verdict(value: bool | None) -> "Cell":
+        """Return a verdict as a cell: passed, FAILED, or not judged for None."""
+        words = {True: ("passed", "good"), False: ("FAILED", "bad"), None: ("not judged", "open")}
+        return Cell(*words[value])
 
 
 @dataclass(frozen=True)
@@ -72,10 +80,10 @@ class Table:
             return tuple(upper), tuple(lower)
         return (tuple(replace(heading, rows=1) for heading in upper),)
 
-
-def tabulate(
-    title: str, items: Iterable[T], columns: Mapping[str, Callable[[T], Cell | str]], **more: Any
-) -> Table:
-    """Return a table with one row for each item; `columns` gives by heading the cell of an item."""
-    rows = tuple(cells(*(value(item) for value in columns.values())) for item in items)
-    return Table(title, tuple(columns), rows, **more)
+    @staticmethod
+    def of(
+        title: str, items: Iterable[T], columns: Mapping[str, Callable[[T], Cell | str]], **more: Any
+    ) -> "Table":
+        """Return a table with one row for each item; `columns` gives by heading the cell of an item."""
+        rows = tuple(Cell.row(*(value(item) for value in columns.values())) for item in items)
+        return Table(title, tuple(columns), rows, **more)

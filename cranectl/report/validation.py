@@ -12,10 +12,10 @@ from PIL.Image import Image
 from cranectl.cases import JudgedValue, Pairwise, Validation, Verdict
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
-from cranectl.report.run.differences import pair_tables
+from cranectl.report.run.differences import DifferenceTables
 from cranectl.report.run.first_screen import BADGES
-from cranectl.report.run.tables import agreement_table, limit_notes, run_notes, run_table
-from cranectl.report.table import ANSWERS, Cell, Table, cells, tabulate
+from cranectl.report.run.tables import RunTables
+from cranectl.report.table import Cell, Table
 from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
 from cranectl.scenario import Drawing, Scenario
 from cranectl.support import Quantity
@@ -57,42 +57,55 @@ class ScenarioVerdict(NamedTuple):
         return f"{kind[0].upper()}{kind[1:]}: {motion_text(self.scenario)}"
 
 
-def validation_page(
-    validation: Validation,
-    options: Sequence[str],
-    remade_by: str,
-    pairs: Pairwise | None = None,
-    moments: Mapping[str, Moment] | None = None,
-) -> Page:
-    """Return the page of a validation; `options` are those of the commands that run a case again.
+class ValidationPage:
+    """The page of a validation."""
 
-    `moments` holds the worst moment of each scenario, by how it was asked for.
-    """
-    scenarios, moments, sections = scenario_verdicts(validation), moments or {}, []
-    single, failed = len(scenarios) == 1, [scenario for scenario in scenarios if scenario.failed]
-    first = next((scenario for scenario in scenarios if scenario.source in moments), scenarios[0])
-    shown = _tables_of(first, options) if single else (_scenario_table(scenarios),)
-    facts, pictures = tuple(_facts(validation, scenarios)), _figures(first, moments)
-    badge, reason = BADGES[not failed], _reason(scenarios, failed)
-    if validation.interruption:
-        badge, reason = BADGES[None], f"The validation was {validation.interruption}."
-    screen = FirstScreen(badge, reason, facts, shown, pictures)
-    others = {source: moment for source, moment in moments.items() if source != first.source}
-    for number, scenario in enumerate(() if single else scenarios[:SHOWN_SCENARIOS], 1):
-        sections.append(_scenario_section(f"scenario-{number}", scenario, options, others))
-    if sum(len(scenario.cases) for scenario in scenarios) > len(scenarios):
-        sections.append(_cases_section(scenarios, options))
-    if finished := validation.finished:
-        agreements = validation.agreements
-        notes = Table("Notes", ("",), tuple(cells(note) for note in run_notes(finished)))
-        tables = (agreement_table(agreements, validation.other_failures), *_in_parts(notes))
-        sections.append(Section("judgement", "Plants", tuple(limit_notes(agreements)), tables))
-        if pairs is not None and pairs.pairs:
-            sections.append(Section("pairs", "Every plant against every other", (), pair_tables(pairs)))
-        runs = replace(run_table({"": validation.runs}), folded=True)
-        sections.append(Section("runs", "Runs", (), (runs,)))
-    title, lead = (scenarios[0].title, scenarios[0].motion) if single else ("Validation", "")
-    return Page(title, lead or _what_was_run(validation), tuple(sections), remade_by, screen)
+    @staticmethod
+    def of(
+        validation: Validation,
+        options: Sequence[str],
+        remade_by: str,
+        pairs: Pairwise | None = None,
+        moments: Mapping[str, Moment] | None = None,
+    ) -> Page:
+        """Return the page of a validation; `options` are those of the commands that run a case again.
+
+        `moments` holds the worst moment of each scenario, by how it was asked for.
+        """
+        scenarios, moments, sections = scenario_verdicts(validation), moments or {}, []
+        single, failed = len(scenarios) == 1, [scenario for scenario in scenarios if scenario.failed]
+        first = next((scenario for scenario in scenarios if scenario.source in moments), scenarios[0])
+        shown = _tables_of(first, options) if single else (_scenario_table(scenarios),)
+        facts, pictures = tuple(_facts(validation, scenarios)), _figures(first, moments)
+        badge, reason = BADGES[not failed], _reason(scenarios, failed)
+        if validation.interruption:
+            badge, reason = BADGES[None], f"The validation was {validation.interruption}."
+        screen = FirstScreen(badge, reason, facts, shown, pictures)
+        others = {source: moment for source, moment in moments.items() if source != first.source}
+        for number, scenario in enumerate(() if single else scenarios[:SHOWN_SCENARIOS], 1):
+            sections.append(_scenario_section(f"scenario-{number}", scenario, options, others))
+        if sum(len(scenario.cases) for scenario in scenarios) > len(scenarios):
+            sections.append(_cases_section(scenarios, options))
+        if finished := validation.finished:
+            agreements = validation.agreements
+            notes = Table("Notes", ("",), tuple(Cell.row(note) for note in RunTables.run_notes(finished)))
+            tables = (RunTables.agreement(agreements, validation.other_failures), *_in_parts(notes))
+            sections.append(Section("judgement", "Plants", tuple(RunTables.limit_notes(agreements)), tables))
+            if pairs is not None and pairs.pairs:
+                sections.append(
+                    Section("pairs", "Every plant against every other", (), DifferenceTables.pairs(pairs))
+                )
+            runs = replace(RunTables.runs({"": validation.runs}), folded=True)
+            sections.append(Section("runs", "Runs", (), (runs,)))
+        title, lead = (scenarios[0].title, scenarios[0].motion) if single else ("Validation", "")
+        return Page(title, lead or _what_was_run(validation), tuple(sections), remade_by, screen)
+
+    @staticmethod
+    def worst_logs(validation: Validation) -> dict[str, Path]:
+        """Return the log of the worst case of the scenarios that are shown, where it is kept."""
+        shown = scenario_verdicts(validation)[:SHOWN_SCENARIOS]
+        logs = {scenario.source: scenario.cases[0].log for scenario in shown}
+        return {source: Path(log) for source, log in logs.items() if log}
 
 
 def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
@@ -106,13 +119,6 @@ def scenario_verdicts(validation: Validation) -> list[ScenarioVerdict]:
         scenario = cases[0].case.scenario if cases[0].case else None
         scenarios.append(ScenarioVerdict(source, scenario, tuple(cases)))
     return sorted(scenarios, key=lambda scenario: scenario.cases[0].sort_key, reverse=True)
-
-
-def worst_logs(validation: Validation) -> dict[str, Path]:
-    """Return the log of the worst case of the scenarios that are shown, where it is kept."""
-    shown = scenario_verdicts(validation)[:SHOWN_SCENARIOS]
-    logs = {scenario.source: scenario.cases[0].log for scenario in shown}
-    return {source: Path(log) for source, log in logs.items() if log}
 
 
 def causes(case: Verdict) -> list[str]:
@@ -214,7 +220,7 @@ def _scenario_table(scenarios: Sequence[ScenarioVerdict]) -> Table:
         "motion": lambda scenario: motion_text(scenario.scenario) if scenario.scenario else "",
         "result": lambda scenario: BADGES[not scenario.failed],
     }
-    return tabulate("", scenarios, columns, labels=3)
+    return Table.of("", scenarios, columns, labels=3)
 
 
 def _tables_of(scenario: ScenarioVerdict, options: Sequence[str]) -> tuple[Table, ...]:
@@ -228,12 +234,12 @@ def _tables_of(scenario: ScenarioVerdict, options: Sequence[str]) -> tuple[Table
         "limit": lambda row: row[0].name,
         "allowed": lambda row: f"{row[0].sign} {row[0].limit}",
         "measured": lambda row: row[0].measured or "–",
-        "kept": lambda row: ANSWERS[row[0].kept],
+        "kept": lambda row: Cell.answer(row[0].kept),
         "worst case": lambda row: row[1],
     }
     if len(scenario.cases) == 1:
         del columns["worst case"]
-    limits = tabulate("", worst.values(), columns)
+    limits = Table.of("", worst.values(), columns)
     return (*((limits,) if worst else ()), _command_table(scenario.cases[0], options))
 
 
@@ -267,7 +273,7 @@ def _command_table(case: Verdict, options: Sequence[str]) -> Table:
     commands = {"the run again": case.command(options)}
     if case.log:
         commands = {"all figures": shlex.join(["cranectl", "report", case.log]), **commands}
-    rows = tuple(cells(what, Cell(text, "code")) for what, text in commands.items())
+    rows = tuple(Cell.row(what, Cell(text, "code")) for what, text in commands.items())
     return Table("", ("to see", "type"), rows, labels=2)
 
 
@@ -277,7 +283,7 @@ def _cases_section(scenarios: Sequence[ScenarioVerdict], options: Sequence[str])
     for scenario in scenarios:
         for case in scenario.failed:
             name = ", ".join(filter(None, (scenario.name, case.controller, case.drive)))
-            rows.append(cells(name, " ".join(causes(case)), _command_table(case, options).rows[0][1]))
+            rows.append(Cell.row(name, " ".join(causes(case)), _command_table(case, options).rows[0][1]))
     total = sum(len(scenario.cases) for scenario in scenarios)
     summary = f"{len(rows)} of {total} cases fail." if rows else f"All {total} cases pass."
     tables = _in_parts(Table("", ("case", "reason", "to see it"), tuple(rows), labels=3))

@@ -10,22 +10,7 @@ from typing import Any
 
 from cranectl.log import Topics
 from cranectl.plants import PLANTS
-from cranectl.report.viewer_panels import (
-    Layout,
-    Panel,
-    column,
-    events,
-    field_of,
-    pad,
-    panel,
-    plot,
-    row,
-    scene_panel,
-    service,
-    show_rig,
-    standings,
-    without_legend,
-)
+from cranectl.report.viewer_panels import Layout, Panel, ViewerPanel, field_of, show_rig, without_legend
 from cranectl.scenario import RigParameters
 from cranectl.signals import Signal, SignalGroup
 from cranectl.support import InputError, Palette
@@ -101,22 +86,24 @@ def _single(plants: Sequence[str]) -> Layout:
     plant = PLANTS.reference(plants)
     load = [(_path(plant, "load", f"load_{axis}", k), _reference(axis)) for k, axis in enumerate("xyz")]
     plots = [
-        plot("load", [line for pair in load for line in pair]),
+        ViewerPanel.plot("load", [line for pair in load for line in pair]),
         _axes_plot(plant, "error", "error", "tracking error"),
         _joint_plot(plant, "state", ("alpha", "beta"), "cardan angles"),
         _drive_plot(plant),
-        plot("rope tension", [_path(plant, "load", "rope_tension")]),
+        ViewerPanel.plot("rope tension", [_path(plant, "load", "rope_tension")]),
     ]
-    scene = scene_panel(_cranes([plant]))
-    left = column([scene, standings([plant]), events()], (62, 20, 18))
-    return row([left, column(plots, (25, 19, 19, 19, 18))], (54, 46))
+    scene = ViewerPanel.scene(_cranes([plant]))
+    left = ViewerPanel.column([scene, ViewerPanel.standings([plant]), ViewerPanel.events()], (62, 20, 18))
+    return ViewerPanel.row([left, ViewerPanel.column(plots, (25, 19, 19, 19, 18))], (54, 46))
 
 
 def _comparison(plants: Sequence[str]) -> Layout:
     """Return the layout of several plants: the crane and its ghosts, their signals and differences."""
     plants = plants if len(plants) > 1 else PLANTS.by_default
-    left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
-    return row([left, _several(partial(_of_each, plants), row(_distance_plots(plants)))], (42, 58))
+    left = _crane_and_standings(ViewerPanel.scene(_cranes(plants)), plants)
+    return ViewerPanel.row(
+        [left, _several(partial(_of_each, plants), ViewerPanel.row(_distance_plots(plants)))], (42, 58)
+    )
 
 
 def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -> Layout:
@@ -126,7 +113,7 @@ def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -
         inner = [
             _axes_plot(plant, "virtual_input", "virtual_input", "linear input v"),
             _axes_plot(plant, "virtual_input", "robustifier_output", "robustifier's part of v"),
-            plot("dynamic extension", [_path(plant, "controller", "zeta")]),
+            ViewerPanel.plot("dynamic extension", [_path(plant, "controller", "zeta")]),
             _axes_plot(plant, "flat_output", "load", "acceleration of the load", "_ddot"),
         ]
     else:
@@ -138,10 +125,16 @@ def _controller(plants: Sequence[str], logged: Sequence[Signal] | None = None) -
         _drive_plot(plant),
         _joint_plot(plant, "disturbance", ("alpha_disturbance", "beta_disturbance"), "disturbances"),
     ]
-    left = _crane_and_standings(scene_panel(_cranes([plant]), distance=6.2), [plant])
+    left = _crane_and_standings(ViewerPanel.scene(_cranes([plant]), distance=6.2), [plant])
     half = len(plots) // 2
-    right = column([row([column(plots[:half]), column(plots[half:])]), events()], (85, 15))
-    return row([left, right], (34, 66))
+    right = ViewerPanel.column(
+        [
+            ViewerPanel.row([ViewerPanel.column(plots[:half]), ViewerPanel.column(plots[half:])]),
+            ViewerPanel.events(),
+        ],
+        (85, 15),
+    )
+    return ViewerPanel.row([left, right], (34, 66))
 
 
 def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
@@ -152,7 +145,7 @@ def _controller_plots(plant: str, logged: Sequence[Signal]) -> list[Panel]:
         if len(lines) < len(Palette.VIEWER.series):
             colour = Palette.VIEWER.series[len(lines)]
             lines.append(_line(field_of(topic, signal.name), signal, signal.name, colour))
-    return [plot("of the controller", lines) for lines in [*by_unit.values()][:MAX_UNITS]]
+    return [ViewerPanel.plot("of the controller", lines) for lines in [*by_unit.values()][:MAX_UNITS]]
 
 
 def _live(plants: Sequence[str]) -> Layout:
@@ -166,11 +159,13 @@ def _live(plants: Sequence[str]) -> Layout:
     ]
     for _, configuration in plots:
         configuration["followingViewWidth"] = FOLLOWED
-    left = _crane_and_standings(scene_panel(_cranes(plants)), plants)
-    services = row([service("pulse"), service("reset")])
-    pads = row([pad("drive x, y", "x", "y"), pad("drive x, z", "x", "z")])
-    steering = column([panel("Parameters", "steering"), pads, services, events()], (44, 20, 18, 18))
-    return row([left, column(plots), steering], (40, 31, 29))
+    left = _crane_and_standings(ViewerPanel.scene(_cranes(plants)), plants)
+    services = ViewerPanel.row([ViewerPanel.service("pulse"), ViewerPanel.service("reset")])
+    pads = ViewerPanel.row([ViewerPanel.pad("drive x, y", "x", "y"), ViewerPanel.pad("drive x, z", "x", "z")])
+    steering = ViewerPanel.column(
+        [ViewerPanel.of("Parameters", "steering"), pads, services, ViewerPanel.events()], (44, 20, 18, 18)
+    )
+    return ViewerPanel.row([left, ViewerPanel.column(plots), steering], (40, 31, 29))
 
 
 def _overlay(labels: Sequence[str]) -> Layout:
@@ -183,11 +178,15 @@ def _overlay(labels: Sequence[str]) -> Layout:
         )
     target = Topics(labels[0]).reference
     others = _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name)
-    far = without_legend(plot(f"distance from {labels[0]}", others)) if others else events()
+    far = (
+        without_legend(ViewerPanel.plot(f"distance from {labels[0]}", others))
+        if others
+        else ViewerPanel.events()
+    )
     shown = [Topics(label).of(kind) for label in labels for kind in ("model", "rope", "trail")]
     shown.append(Topics(labels[0]).arrows)
-    left = _crane_and_standings(scene_panel(shown), labels)
-    return row([left, _several(partial(_of_labels, labels), far, target)], (42, 58))
+    left = _crane_and_standings(ViewerPanel.scene(shown), labels)
+    return ViewerPanel.row([left, _several(partial(_of_labels, labels), far, target)], (42, 58))
 
 
 def _ladder(labels: Sequence[str]) -> Layout:
@@ -197,14 +196,16 @@ def _ladder(labels: Sequence[str]) -> Layout:
     orders = []
     for where, group in (("the level before", Topics.STEP), (labels[0], Topics.DISTANCE.name)):
         lines = _of_labels(labels, group, DISTANCE.name, ".@log10")
-        orders.append(plot(f"log₁₀ of distance from {where}", lines, minYValue=MIN_ORDER))
-    metres = plot(f"distance from {labels[0]}", _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name))
+        orders.append(ViewerPanel.plot(f"log₁₀ of distance from {where}", lines, minYValue=MIN_ORDER))
+    metres = ViewerPanel.plot(
+        f"distance from {labels[0]}", _of_labels(labels, Topics.DISTANCE.name, DISTANCE.name)
+    )
     shown = [*(Topics(labels[0]).of(kind) for kind in ("model", "rope")), Topics(labels[0]).arrows]
     shown += [Topics(label).of("trail") for label in labels]
-    left = _crane_and_standings(scene_panel(shown), labels[-1:])
+    left = _crane_and_standings(ViewerPanel.scene(shown), labels[-1:])
     others = map(without_legend, (orders[1], metres))
-    right = column([orders[0], *others, events()], (44, 20, 20, 16))
-    return row([left, right], (42, 58))
+    right = ViewerPanel.column([orders[0], *others, ViewerPanel.events()], (44, 20, 20, 16))
+    return ViewerPanel.row([left, right], (42, 58))
 
 
 LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
@@ -219,17 +220,22 @@ LAYOUTS: Mapping[str, Callable[[Sequence[str]], Layout]] = {
 
 def _several(of: Callable[[str, str], Lines], distances: Layout, topic: str = Topics.REFERENCE) -> Layout:
     """Show signals `of` several runs and the reference; the plot with the legend is as wide as two others."""
-    x, *rest = (plot(f"load {a}", [*of("load", f"load_{a}"), _reference(a, topic)]) for a in "xyz")
-    angles = (plot(name, of("state", name)) for name in ("alpha", "beta"))
+    x, *rest = (
+        ViewerPanel.plot(f"load {a}", [*of("load", f"load_{a}"), _reference(a, topic)]) for a in "xyz"
+    )
+    angles = (ViewerPanel.plot(name, of("state", name)) for name in ("alpha", "beta"))
     y, z, alpha, beta = map(without_legend, (*rest, *angles))
-    return column([x, row([y, z]), row([alpha, beta]), distances, events()], (21, 21, 21, 21, 16))
+    return ViewerPanel.column(
+        [x, ViewerPanel.row([y, z]), ViewerPanel.row([alpha, beta]), distances, ViewerPanel.events()],
+        (21, 21, 21, 21, 16),
+    )
 
 
 def _crane_and_standings(scene: Panel, names: Sequence[str]) -> Layout:
     """Return the crane above the table of runs, which is as high as its rows need."""
-    panel = standings(names)
+    panel = ViewerPanel.standings(names)
     share = min(TITLE + ROW_HEIGHT * len(panel[1]["paths"]), MAX_STANDINGS_HEIGHT)
-    return column([scene, panel], (100.0 - share, share))
+    return ViewerPanel.column([scene, panel], (100.0 - share, share))
 
 
 def _axes_plot(plant: str, group: str, stem: str, title: str, suffix: str = "") -> Panel:
@@ -244,7 +250,7 @@ def _drive_plot(plant: str) -> Panel:
 
 def _joint_plot(plant: str, group: str, names: Sequence[str], title: str) -> Panel:
     """Return a plot of some signals of one group."""
-    return plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
+    return ViewerPanel.plot(title, [_path(plant, group, name, k) for k, name in enumerate(names)])
 
 
 def _of_each(plants: Sequence[str], group: str, name: str) -> Lines:
@@ -280,7 +286,7 @@ def _distance_plots(plants: Sequence[str]) -> list[Panel]:
             if several:
                 look = PLANTS[name].label, Palette.VIEWER[PLANTS[name].colour]
             lines.append(_line(f"{topic}.{signal.name}.@log10", signal, *look))
-        plots.append(plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
+        plots.append(ViewerPanel.plot(f"log₁₀ {signal.symbol}", lines, minYValue=DISTANCE_EXPONENT))
     return plots
 
 

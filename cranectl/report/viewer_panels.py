@@ -1,7 +1,6 @@
 """Panels of layouts for viewers, in the configuration that viewers read."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,28 +19,98 @@ CAMERA = {  # looks at the middle of the rig from outside a long side, past the 
 }  # fmt: skip
 
 
-def scene_panel(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
-    """Return a panel of what is `drawn` in space, seen from `distance` [m]."""
-    shown = [Topics.PATH, Topics.WORKSPACE, *drawn]
-    grid = {
-        "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
-        "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
-        "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
-    }  # fmt: skip
-    return panel(
-        "3D",
-        "crane",
-        cameraState={**CAMERA, "distance": distance},
-        followMode="follow-none",
-        followTf="world",
-        # Without axes of the frames, which would cover the crane.
-        scene={"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
-        transforms={},
-        topics={topic: {"visible": True} for topic in shown},
-        layers={"floor": grid},
-        publish={"type": "point"},
-        imageMode={},
-    )
+class ViewerPanel:
+    """Panels of layouts for viewers, by what they show."""
+
+    @staticmethod
+    def scene(drawn: Sequence[str], *, distance: float = 4.8) -> Panel:
+        """Return a panel of what is `drawn` in space, seen from `distance` [m]."""
+        shown = [Topics.PATH, Topics.WORKSPACE, *drawn]
+        grid = {
+            "layerId": "foxglove.Grid", "instanceId": "floor", "label": "floor", "visible": True,
+            "frameId": "world", "size": 4.0, "divisions": 16, "lineWidth": 1, "color": "#8f99a5a0",
+            "position": [1.0, 0.77, -1.4], "rotation": [0.0, 0.0, 0.0], "order": 1,
+        }  # fmt: skip
+        return ViewerPanel.of(
+            "3D",
+            "crane",
+            cameraState={**CAMERA, "distance": distance},
+            followMode="follow-none",
+            followTf="world",
+            # Without axes of the frames, which would cover the crane.
+            scene={"transforms": {"showLabel": False, "axisScale": 0.0, "lineWidth": 0.0}},
+            transforms={},
+            topics={topic: {"visible": True} for topic in shown},
+            layers={"floor": grid},
+            publish={"type": "point"},
+            imageMode={},
+        )
+
+    @staticmethod
+    def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
+        """Return a plot over time, with the unit in its title, since viewers have no place for it."""
+        (unit,) = {path["unit"] for path in paths}
+        lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
+        return ViewerPanel.of(
+            "Plot",
+            f"{title} [{unit or 1}]",
+            paths=lines,
+            showXAxisLabels=True,
+            showYAxisLabels=True,
+            showLegend=len(paths) > 1,
+            legendDisplay="left",
+            showPlotValuesInLegend=False,
+            isSynced=True,
+            xAxisVal="timestamp",
+            sidebarDimension=round(38 + 6.5 * max(4, *(len(path["label"]) for path in paths))),
+            **limits,
+        )
+
+    @staticmethod
+    def events() -> Panel:
+        """Return the panel of events in words."""
+        return ViewerPanel.of("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=Topics.LOG)
+
+    @staticmethod
+    def service(name: str) -> Panel:
+        """Return a button of a live session."""
+        shown = {"buttonText": name, "layout": "vertical", "editingMode": False, "timeoutSeconds": 10}
+        return ViewerPanel.of("CallService", name, serviceName=f"/{name}", requestPayload="{}", **shown)
+
+    @staticmethod
+    def pad(title: str, horizontal: str, vertical: str) -> Panel:
+        """Return four buttons that drive by hand, here in shares of the drives' speed; see `show_rig`."""
+        commands = {}
+        for axis, names in ((horizontal, ("right", "left")), (vertical, ("up", "down"))):
+            for name, sign in zip(names, (1, -1), strict=True):
+                commands[f"{name}Button"] = {"field": f"linear-{axis}", "value": BUTTON_SPEED * sign}
+        return ViewerPanel.of("Teleop", title, topic="/wish", publishRate=10, **commands)
+
+    @staticmethod
+    def standings(plants: Sequence[str]) -> Panel:
+        """Show the status of each run, and what the reference of all does where there are few."""
+        shown = [(plant, "status") for plant in plants] + [(plants[-1], "phase")] * (len(plants) < 3)
+        paths = []
+        for plant, field in shown:
+            value = field_of(Topics(plant).status, field)
+            name = PLANTS[plant].label if plant in PLANTS else plant  # the crane of a ladder has no label
+            paths.append({"value": value, "label": f"{name} {field}", "timestampMethod": "receiveTime"})
+        return ViewerPanel.of("StateTransitions", "phase and status", paths=paths, isSynced=True)
+
+    @staticmethod
+    def row(parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
+        """Return parts side by side with these shares, by default equal ones."""
+        return _split("row", parts, shares)
+
+    @staticmethod
+    def column(parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
+        """Return parts one below the other with these shares, by default equal ones."""
+        return _split("column", parts, shares)
+
+    @staticmethod
+    def of(kind: str, title: str, **configuration: Any) -> Panel:
+        """Return a panel; both open viewers have their own key for the title."""
+        return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
 
 
 def show_rig(configuration: dict[str, Any], rig: RigParameters) -> None:
@@ -93,70 +162,14 @@ def field_of(topic: str, name: str) -> str:
     return f'"{topic}".{name}' if "+" in topic else f"{topic}.{name}"
 
 
-def plot(title: str, paths: Sequence[dict[str, Any]], **limits: float) -> Panel:
-    """Return a plot over time, with the unit in its title, since viewers have no place for it."""
-    (unit,) = {path["unit"] for path in paths}
-    lines = [{key: value for key, value in path.items() if key != "unit"} for path in paths]
-    return panel(
-        "Plot",
-        f"{title} [{unit or 1}]",
-        paths=lines,
-        showXAxisLabels=True,
-        showYAxisLabels=True,
-        showLegend=len(paths) > 1,
-        legendDisplay="left",
-        showPlotValuesInLegend=False,
-        isSynced=True,
-        xAxisVal="timestamp",
-        sidebarDimension=round(38 + 6.5 * max(4, *(len(path["label"]) for path in paths))),
-        **limits,
-    )
-
-
 def without_legend(drawn: Panel) -> Panel:
     """Return a plot without its legend, for lines that another plot explains."""
     kind, configuration = drawn
     return kind, {**configuration, "showLegend": False}
 
 
-def events() -> Panel:
-    """Return the panel of events in words."""
-    return panel("RosOut", "events", searchTerms=[], minLogLevel=1, topicToRender=Topics.LOG)
-
-
-def service(name: str) -> Panel:
-    """Return a button of a live session."""
-    shown = {"buttonText": name, "layout": "vertical", "editingMode": False, "timeoutSeconds": 10}
-    return panel("CallService", name, serviceName=f"/{name}", requestPayload="{}", **shown)
-
-
-def pad(title: str, horizontal: str, vertical: str) -> Panel:
-    """Return four buttons that drive by hand, here in shares of the drives' speed; see `show_rig`."""
-    commands = {}
-    for axis, names in ((horizontal, ("right", "left")), (vertical, ("up", "down"))):
-        for name, sign in zip(names, (1, -1), strict=True):
-            commands[f"{name}Button"] = {"field": f"linear-{axis}", "value": BUTTON_SPEED * sign}
-    return panel("Teleop", title, topic="/wish", publishRate=10, **commands)
-
-
-def standings(plants: Sequence[str]) -> Panel:
-    """Show the status of each run, and what the reference of all does where there are few."""
-    shown = [(plant, "status") for plant in plants] + [(plants[-1], "phase")] * (len(plants) < 3)
-    paths = []
-    for plant, field in shown:
-        value = field_of(Topics(plant).status, field)
-        name = PLANTS[plant].label if plant in PLANTS else plant  # the crane of a ladder has no label
-        paths.append({"value": value, "label": f"{name} {field}", "timestampMethod": "receiveTime"})
-    return panel("StateTransitions", "phase and status", paths=paths, isSynced=True)
-
-
-def panel(kind: str, title: str, **configuration: Any) -> Panel:
-    """Return a panel; both open viewers have their own key for the title."""
-    return kind, {**configuration, "foxglovePanelTitle": title, "lichtblickPanelTitle": title}
-
-
 def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()) -> Layout:
-    """Return parts side by side with these shares, by default equal ones, as nested pairs."""
+    """Return parts beside each other with these shares, by default equal ones, as nested pairs."""
     if len(parts) == 1:
         return parts[0]
     shares = shares or [1.0] * len(parts)
@@ -166,6 +179,3 @@ def _split(direction: str, parts: Sequence[Layout], shares: Sequence[float] = ()
         "second": _split(direction, parts[1:], shares[1:]),
         "splitPercentage": round(100.0 * shares[0] / sum(shares), 2),
     }
-
-
-row, column = partial(_split, "row"), partial(_split, "column")

@@ -17,14 +17,9 @@ from .effects import Friction as Friction
 from .effects import Rope as Rope
 from .effects import Sensing as Sensing
 from .held_files import HeldFiles as HeldFiles
-from .load import given_settings as given_settings
-from .load import load_rig as load_rig
-from .load import read_scenario as read_scenario
-from .load import rig_names as rig_names
-from .load import rig_place as rig_place
-from .load import scenario_file as scenario_file
+from .load import RigFile as RigFile
+from .load import ScenarioFile as ScenarioFile
 from .load import scenario_names as scenario_names
-from .load import scenarios_in as scenarios_in
 from .origins import RigOrigins as RigOrigins
 from .recorded import Driven as Driven
 from .recorded import FromFile as FromFile

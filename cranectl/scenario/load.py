@@ -27,61 +27,104 @@ def scenario_names() -> list[str]:
 
 @functools.cache
 def _shipped_ranges() -> dict[str, list[list[float]]]:
-    return {name: read_scenario(name).rig.workspace.tolist() for name in scenario_names()}
+    return {name: ScenarioFile.read(name).rig.workspace.tolist() for name in scenario_names()}
 
 
-def scenarios_in(workspace: Array) -> str:
-    """Return the end of a remedy for points outside a rig's ranges (3, 2) [m]: scenarios made for these."""
-    ranges = workspace.tolist()
-    names = [name for name, others in _shipped_ranges().items() if others == ranges]
-    is_laboratory = ranges == RigParameters().workspace.tolist()  # for which most scenarios are made
-    return f"; or take {' or '.join(names)}, made for this rig" if names and not is_laboratory else ""
+class ScenarioFile:
+    """The file of a scenario: found by its name, read, and what of it the user gave."""
 
+    @staticmethod
+    def made_for(workspace: Array) -> str:
+        """Return the end of a remedy for points outside a rig's ranges (3, 2) [m]: other scenarios."""
+        ranges = workspace.tolist()
+        names = [name for name, others in _shipped_ranges().items() if others == ranges]
+        is_laboratory = ranges == RigParameters().workspace.tolist()  # for which most scenarios are made
+        return f"; or take {' or '.join(names)}, made for this rig" if names and not is_laboratory else ""
 
-def scenario_file(name_or_path: str | Path) -> Path:
-    """Return the file of a scenario; raise InputError if there is none."""
-    return Shipped.SCENARIOS.file(str(name_or_path))
+    @staticmethod
+    def find(name_or_path: str | Path) -> Path:
+        """Return the file of a scenario; raise InputError if there is none."""
+        return Shipped.SCENARIOS.file(str(name_or_path))
 
+    @staticmethod
+    def read(
+        name_or_path: str | Path | None, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
+    ) -> Scenario:
+        """Load a scenario by name or from a TOML file, or the default scenario if there is no name.
 
-def read_scenario(
-    name_or_path: str | Path | None, *, rig: str | Path | None = None, overrides: Sequence[str] = ()
-) -> Scenario:
-    """Load a scenario by name or from a TOML file, or the default scenario if there is no name.
+        Parameters of the rig come from several sources, and later ones replace earlier ones: the defaults,
+        the scenario's `[rig]` or the rig that it names, the file or shipped name `rig`, and `overrides` such
+        as `"rig.load_mass=2.5"`. Raises an InputError that names all wrong fields.
+        """
+        if name_or_path is None:
+            return default_scenario(rig=rig, overrides=overrides)
+        path = ScenarioFile.find(name_or_path)
+        table = TOML.read(path)
+        if isinstance(table.get("rig"), dict):
+            _place_model(table["rig"], path.parent)
+        if rig is None and isinstance(table.get("rig"), str):
+            rig = RigFile.place(table["rig"], path.parent)
+        return _scenario(table, path.name, rig, overrides)
 
-    Parameters of the rig come from several sources, and later ones replace earlier ones: the defaults, the
-    scenario's `[rig]` or the rig that it names, the file or shipped name `rig`, and `overrides` such as
-    `"rig.load_mass=2.5"`. Raises an InputError that names all wrong fields.
-    """
-    if name_or_path is None:
-        return default_scenario(rig=rig, overrides=overrides)
-    path = scenario_file(name_or_path)
-    table = TOML.read(path)
-    if isinstance(table.get("rig"), dict):
-        _place_model(table["rig"], path.parent)
-    if rig is None and isinstance(table.get("rig"), str):
-        rig = rig_place(table["rig"], path.parent)
-    return _scenario(table, path.name, rig, overrides)
+    @staticmethod
+    def given_settings(
+        name_or_path: str | Path | None, rig: str | Path | None, overrides: Sequence[str]
+    ) -> dict[str, Any]:
+        """Return by dotted name the settings that the user gives: in the scenario, the rig and the overrides.
+
+        The arguments are those of `read`. Settings in files that come with cranectl do not
+        count.
+        """
+        table: Table = {}
+        shipped = True
+        if name_or_path is not None:
+            path = ScenarioFile.find(name_or_path)
+            table, shipped = TOML.read(path), path.parent == Shipped.SCENARIOS.folder
+            if rig is None and isinstance(table.get("rig"), str):
+                rig = RigFile.place(table["rig"], path.parent)
+        if rig is not None:
+            table = {**table, "rig": {}}
+            for path, own in reversed([*rig_files(rig)]):
+                if path.parent != Shipped.RIGS.folder:
+                    table["rig"] = Tree(table["rig"]).merged(own)
+        if "controller" in table:
+            table = {**table, "controller": controller_table(table["controller"])}
+        stated = {
+            name
+            for name, _ in _settings(table)
+            if not shipped or (rig is not None and name.startswith("rig."))
+        }
+        assigned = [assignment.partition("=")[0].strip() for assignment in overrides]
+        return {
+            name: value
+            for name, value in _settings(override(table, overrides))
+            if name in stated or any(f"{name}.".startswith(f"{key}.") for key in assigned)
+        }
 
 
 def _place_model(rig: Table, directory: Path) -> None:
     """Let the path of the model in a rig's table, read in `directory`, begin at the working directory."""
     if isinstance(rig.get("model"), str):
-        rig["model"] = str(rig_place(rig["model"], directory))
+        rig["model"] = str(RigFile.place(rig["model"], directory))
 
 
-def rig_place(name_or_path: str, directory: Path) -> Path:
-    """Return the rig that a file in `directory` names, as an argument for `load_rig`."""
-    return directory / name_or_path if Shipped.is_path(name_or_path) else Path(name_or_path)
+class RigFile:
+    """The file of a rig: found by its name, and read."""
 
+    @staticmethod
+    def place(name_or_path: str, directory: Path) -> Path:
+        """Return the rig that a file in `directory` names, as an argument for `load`."""
+        return directory / name_or_path if Shipped.is_path(name_or_path) else Path(name_or_path)
 
-def load_rig(name_or_path: str | Path) -> RigParameters:
-    """Load a shipped rig by its name, or a rig from a TOML file."""
-    return RigParameters.from_table(rig_table(name_or_path), str(name_or_path))
+    @staticmethod
+    def load(name_or_path: str | Path) -> RigParameters:
+        """Load a shipped rig by its name, or a rig from a TOML file."""
+        return RigParameters.from_table(rig_table(name_or_path), str(name_or_path))
 
-
-def rig_names() -> list[str]:
-    """Return the names of the shipped rigs."""
-    return Shipped.RIGS.names()
+    @staticmethod
+    def names() -> list[str]:
+        """Return the names of the shipped rigs."""
+        return Shipped.RIGS.names()
 
 
 def rig_table(name_or_path: str | Path) -> Table:
@@ -106,7 +149,7 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
     """Yield path and table of the file of a rig, then of each file that it extends, relative to it."""
     below, directory, seen = str(name_or_path), Path(), set[Path]()
     while below is not None:
-        path = Shipped.RIGS.file(str(rig_place(below, directory)))
+        path = Shipped.RIGS.file(str(RigFile.place(below, directory)))
         table = TOML.read(path)
         if path.resolve() in seen:
             raise InputError(f"{path} extends itself", remedy="remove 'extends' from one of the files")
@@ -121,39 +164,6 @@ def rig_files(name_or_path: str | Path) -> Iterator[tuple[Path, Table]]:
         seen.add(path.resolve())
         _place_model(table, directory)
         yield path, table
-
-
-def given_settings(
-    name_or_path: str | Path | None, rig: str | Path | None, overrides: Sequence[str]
-) -> dict[str, Any]:
-    """Return by dotted name the settings that the user gives: in the scenario, the rig and the overrides.
-
-    The arguments are those of `read_scenario`. Settings in files that come with cranectl do not
-    count.
-    """
-    table: Table = {}
-    shipped = True
-    if name_or_path is not None:
-        path = scenario_file(name_or_path)
-        table, shipped = TOML.read(path), path.parent == Shipped.SCENARIOS.folder
-        if rig is None and isinstance(table.get("rig"), str):
-            rig = rig_place(table["rig"], path.parent)
-    if rig is not None:
-        table = {**table, "rig": {}}
-        for path, own in reversed([*rig_files(rig)]):
-            if path.parent != Shipped.RIGS.folder:
-                table["rig"] = Tree(table["rig"]).merged(own)
-    if "controller" in table:
-        table = {**table, "controller": controller_table(table["controller"])}
-    stated = {
-        name for name, _ in _settings(table) if not shipped or (rig is not None and name.startswith("rig."))
-    }
-    assigned = [assignment.partition("=")[0].strip() for assignment in overrides]
-    return {
-        name: value
-        for name, value in _settings(override(table, overrides))
-        if name in stated or any(f"{name}.".startswith(f"{key}.") for key in assigned)
-    }
 
 
 def _settings(table: Table) -> Iterator[tuple[str, Any]]:

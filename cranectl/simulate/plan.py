@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from cranectl.model import states_and_inputs
 from cranectl.plants import Plant
 from cranectl.reference import Trajectory
-from cranectl.scenario import NANOSECONDS, Scenario, scenarios_in
+from cranectl.scenario import NANOSECONDS, Scenario, ScenarioFile
 from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
 from cranectl.simulate.memory import RunMemory
 from cranectl.support import Array, InputError
@@ -182,5 +182,5 @@ def _check_workspace(scenario: Scenario, time_ns: NDArray[np.int64], states: Arr
                 f"{time_ns[worst] / NANOSECONDS:g} s",
                 allowed=f"rig.{AXES[axis]}_range, from {low:g} to {high:g} m",
                 remedy=f"move the path, give it more time, or change rig.{AXES[axis]}_range"
-                + scenarios_in(scenario.rig.workspace),
+                + ScenarioFile.made_for(scenario.rig.workspace),
             )

@@ -8,10 +8,10 @@ import pytest
 from cranectl.loaders.opening import close_controllers
 from cranectl.support.errors import InputError
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from tests.tools.export.exported import export, library, prepared, same_bits
 
-CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
+CONTROLLERS = [name for name in Benchmark.read("literature").laws if ".py:" in name]
 REFUSED = {"MPPI": "has the type array", "SUPER_TWISTING": "calls, within an expression"}
 
 
@@ -24,7 +24,7 @@ def forgotten() -> Iterator[None]:
 
 @pytest.mark.parametrize("reference", CONTROLLERS)
 def test_no_bit_differs_over_a_whole_run(reference: str, tmp_path: Path) -> None:
-    (name,) = measured_controllers(read_benchmark("literature"), [reference])
+    (name,) = measured_controllers(Benchmark.read("literature"), [reference])
     reason = REFUSED.get(reference.rpartition(":")[2])
     if reason:
         with pytest.raises(InputError, match=reason):

@@ -18,15 +18,15 @@ from cranectl.tools.benchmark.declared import controller_files
 from cranectl.tools.benchmark.ranking import Judged, points_of
 from cranectl.tools.benchmark.results import collect_results, run_trials
 from cranectl.tools.benchmark.scores import undominated
-from cranectl.tools.benchmark.settings import read_benchmark
-from cranectl.tools.benchmark.table import BenchmarkTable, read_table
+from cranectl.tools.benchmark.settings import Benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable
 from cranectl.tools.benchmark.trials import DIVISIONS, Trial, campaign_of, rules_of, sets_of, trials_of
-from cranectl.tools.benchmark.tuned import tuned_facts, tuned_settings
+from cranectl.tools.benchmark.tuned import TunedResult
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from tests.pace import HANG
 
-BENCHMARK = read_benchmark("literature")
+BENCHMARK = Benchmark.read("literature")
 BENCHMARK_FOLDER = BENCHMARK.file.parent
 JUDGED_SETS = {"tuned": tuple(sets_of(BENCHMARK)), "published": ("nominal", "lab-rig")}
 COMPILED = "nmpc"  # not in the benchmark's file, because it must be compiled first
@@ -34,7 +34,7 @@ COMPILED = "nmpc"  # not in the benchmark's file, because it must be compiled fi
 
 @pytest.fixture(scope="module")
 def judged() -> BenchmarkTable:
-    return read_table(BENCHMARK_FOLDER / "literature.parquet")
+    return BenchmarkTable.read(BENCHMARK_FOLDER / "literature.parquet")
 
 
 @pytest.fixture
@@ -73,7 +73,9 @@ def test_table_belongs_to_present_controllers_numbers_and_rules(
         assert judged.about["laws"][controller]["file"] == ALL_CONTROLLERS.digests([controller]).get(
             f"law {controller}", ""
         )
-        assert judged.about["tuned"][controller] == tuned_facts(BENCHMARK_FOLDER / "tuned", rules, controller)
+        assert judged.about["tuned"][controller] == TunedResult.facts(
+            BENCHMARK_FOLDER / "tuned", rules, controller
+        )
     facts, numbers = judged.about["tuned"][COMPILED], (FOLDER / "tuned" / f"{COMPILED}.toml").read_text()
     for key, (_, value) in facts["numbers"].items():
         assert f'"{key}" = {value:g}\n' in numbers
@@ -114,7 +116,7 @@ def test_runs_with_computed_gains_reproduce_shipped_results(
 def assert_as_shipped(judged: BenchmarkTable, trials: Sequence[Trial], directory: Path) -> None:
     """Compare the first run of each trial with the one in the table, to 1e-3."""
     rules = rules_of(BENCHMARK)
-    numbers = functools.partial(tuned_settings, BENCHMARK_FOLDER / "tuned", rules)
+    numbers = functools.partial(TunedResult.settings, BENCHMARK_FOLDER / "tuned", rules)
     campaign = functools.partial(campaign_of, BENCHMARK, max_cranes=1, tuned=numbers)
     with batch_engine(None, timeout=HANG) as engine:
         finished_trials = [

@@ -9,7 +9,7 @@ import pytest
 from cranectl.campaign.table import FAILED
 from cranectl.support.documents import TOML
 from cranectl.support.provenance import Provenance
-from cranectl.tools.benchmark.table import BenchmarkTable, read_table
+from cranectl.tools.benchmark.table import BenchmarkTable
 from cranectl.tools.benchmark.trials import Trial
 from validation.proofs import restamp
 
@@ -20,7 +20,7 @@ CHOSEN = ("nominal", "pulse")
 @pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
     """Return the shipped table, restricted to two controllers, and redirect `restamp` to a copy."""
-    table = read_table(restamp.TABLE)
+    table = BenchmarkTable.read(restamp.TABLE)
     controllers = ["lqr", "lqr-integral"]
     monkeypatch.setattr(restamp, "measured_controllers", lambda *_args, **_settings: controllers)
     for controller in controllers:
@@ -39,7 +39,7 @@ def write(table: BenchmarkTable) -> bytes:
 def test_equal_rows_get_new_digests(table: BenchmarkTable) -> None:
     write(table)
     assert restamp.restamp(ROWS, []) == 0
-    stamped, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
+    stamped, rules = BenchmarkTable.read(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
     assert stamped.about == {**table.about, "rules": rules}
     assert stamped.trials.keys() == table.trials.keys()
     for numbers in restamp.NUMBERS[0].glob("*.toml"):
@@ -78,7 +78,7 @@ def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -
     assert restamp.restamp(ROWS, [], ["lqr-integral"]) == 1
     assert restamp.TABLE.read_bytes() == before
     assert restamp.restamp(ROWS, [], ["lqr"]) == 0
-    judged = read_table(restamp.TABLE)
+    judged = BenchmarkTable.read(restamp.TABLE)
     for trial, runs in few.items():
         assert judged.trials[trial].status == runs.status
         for name, values in runs.metrics.items():
@@ -90,7 +90,7 @@ def test_all_rows_of_named_controllers_are_judged_again(table: BenchmarkTable) -
 
 def test_a_crane_that_cannot_be_simulated_runs_again_like_others() -> None:
     """It has no metrics, and its neighbour has some."""
-    table, rules = read_table(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
+    table, rules = BenchmarkTable.read(restamp.TABLE), restamp.rules_of(restamp.BENCHMARK)
     trial = Trial("published", "mujoco", "spread-4", "hoist-and-go", "lqr")
     judged = table.trials[trial._replace(division="tuned")]
     sample = max(judged.status.index(FAILED) - 1, 0)

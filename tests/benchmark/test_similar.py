@@ -13,9 +13,9 @@ from cranectl.scenario.similarity import completed_rig
 from cranectl.support.arrays import Array
 from cranectl.support.compiled_step import CompiledStep
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 
-CONTROLLERS = [name for name in read_benchmark("literature").laws if ".py:" in name]
+CONTROLLERS = [name for name in Benchmark.read("literature").laws if ".py:" in name]
 LENGTH, MASS, PERIOD = 25.0, 1000.0, 1e-3
 SMALL = RigParameters()
 LARGE = RigParameters(
@@ -70,7 +70,7 @@ def commands(controller: Controller, rig: RigParameters, length: float, mass: fl
 
 @pytest.mark.parametrize("reference", CONTROLLERS)
 def test_controller_commands_the_same_on_similar_cranes(reference: str) -> None:
-    (name,) = measured_controllers(read_benchmark("literature"), [reference])
+    (name,) = measured_controllers(Benchmark.read("literature"), [reference])
     controller = ALL_CONTROLLERS[name]
     small, large = commands(controller, SMALL, 1.0, 1.0), commands(controller, LARGE, LENGTH, MASS)
     size = np.abs(small).max(axis=0)

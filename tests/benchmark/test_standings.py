@@ -20,8 +20,8 @@ from cranectl.support.documents import TOML
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 from cranectl.tools.benchmark.declared import Variable, variables_of
 from cranectl.tools.benchmark.report.page import judged_divisions
-from cranectl.tools.benchmark.settings import read_benchmark
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.settings import Benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable
 from cranectl.tools.benchmark.trials import Trial, campaign_of
 from docs.standings import of_bounds
 from tests.conftest import ROOT
@@ -270,7 +270,7 @@ def test_sentences_on_tuning() -> None:
 
 def test_answers_about_two_controllers() -> None:
     """Numbers of sentences that people wrote, from tuned numbers, drawn cranes and final errors."""
-    benchmark = read_benchmark("literature")
+    benchmark = Benchmark.read("literature")
     name = "hierarchical-sliding-mode"
     numbers = TOML.read(FOLDER / "tuned" / f"{name}.toml")["parameters"]
     campaign = campaign_of(benchmark, Trial("published", "mujoco", "lab-rig", "standing-push", "lqr"))
@@ -299,8 +299,8 @@ def test_answers_about_two_controllers() -> None:
 
 
 def test_numbers_at_a_bound_of_their_search() -> None:
-    benchmark = read_benchmark("literature")
-    divisions = judged_divisions(benchmark, read_table(FOLDER / "literature.parquet"))
+    benchmark = Benchmark.read("literature")
+    divisions = judged_divisions(benchmark, BenchmarkTable.read(FOLDER / "literature.parquet"))
     searched = {name: variables_of(name) for name in measured_controllers(benchmark)}
     declared = re.findall(
         r'\{"(\w+)", .*, (\S+), \S+, \S+, \{(\S+), (\S+)\}, \S+\}',

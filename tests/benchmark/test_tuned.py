@@ -13,9 +13,9 @@ from cranectl.support.provenance import Provenance
 from cranectl.support.trees import Tree
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 from cranectl.tools.benchmark.declared import variables_of
-from cranectl.tools.benchmark.settings import Benchmark, benchmark_file, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file
 from cranectl.tools.benchmark.trials import rules_of
-from cranectl.tools.benchmark.tuned import tuned_settings
+from cranectl.tools.benchmark.tuned import TunedResult
 from tests.benchmark.nmpc import FOLDER
 from tests.conftest import ROOT
 from validation.proofs.freeze import freeze, frozen_seed
@@ -27,14 +27,14 @@ OWN_CODE = "bb70b4a03df70f50"  # of our controller when rules and numbers were f
 
 @pytest.fixture(scope="module")
 def benchmark() -> Benchmark:
-    return read_benchmark("literature")
+    return Benchmark.read("literature")
 
 
 def test_controllers_were_tuned_by_present_rules(benchmark: Benchmark) -> None:
     """If rules, metrics or a controller's file change, new numbers are needed."""
     controllers, rules = measured_controllers(benchmark), rules_of(benchmark)
     for controller in controllers:
-        tuned_settings(TUNED, rules, controller, 1.0)
+        TunedResult.settings(TUNED, rules, controller, 1.0)
     assert {path.stem for path in TUNED.glob("*.toml")} == set(controllers)
 
 
@@ -99,10 +99,10 @@ def test_seed_changes_with_rules_and_numbers(tmp_path: Path) -> None:
     shutil.copytree(FILE.parent, tmp_path, dirs_exist_ok=True)
 
     def seed() -> int:
-        return frozen_seed(read_benchmark(str(tmp_path / FILE.name)))
+        return frozen_seed(Benchmark.read(str(tmp_path / FILE.name)))
 
     first = seed()
-    assert first == frozen_seed(read_benchmark("literature"))
+    assert first == frozen_seed(Benchmark.read("literature"))
     for name, old, new in (
         ("literature.toml", "variation_price = 0.02", "variation_price = 0.03"),
         ("tuned/pid.toml", "cost", "costs"),  # no number

@@ -4,7 +4,7 @@ from typing import Any
 
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.campaign.table import Row
 from cranectl.campaign.workers import run_batches
 
@@ -44,7 +44,7 @@ def table(uncertain: dict[str, Any] | None = None, **changes: Any) -> dict[str, 
 
 
 def campaign(uncertain: dict[str, Any] | None = None, **changes: Any) -> Campaign:
-    return make_campaign(parse_campaign(table(uncertain, **changes), "test.toml"))
+    return make_campaign(CampaignSettings.parse(table(uncertain, **changes), "test.toml"))
 
 
 def run_batch(campaign_to_run: Campaign, batch: Batch) -> list[Row]:

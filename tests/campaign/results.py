@@ -6,7 +6,7 @@ import numpy as np
 
 from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.results import PARTS, open_store
+from cranectl.campaign.results import PARTS, Store
 from cranectl.campaign.table import METRIC_COLUMNS, Row
 from tests.campaign.campaigns import campaign
 
@@ -39,7 +39,7 @@ def invented_row(of: Campaign, batch: Batch, sample: int, values: np.ndarray) ->
 
 def write_all(of: Campaign, directory: Path, *, leave: int = 0) -> None:
     """Write a result without its last `leave` batches, the last of the others first."""
-    with open_store(of, directory) as store:
+    with Store.open(of, directory) as store:
         for batch in reversed(batches_of(of)[: len(batches_of(of)) - leave]):
             store.write(batch, invented_rows(of, batch))
 

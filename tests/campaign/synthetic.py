@@ -9,7 +9,7 @@ import pyarrow
 
 from cranectl.campaign import Campaign, sample_values
 from cranectl.campaign.definition import batches_of
-from cranectl.campaign.manifest import manifest_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.results import Results
 from cranectl.campaign.table import METRIC_COLUMNS, arrow_schema
 from tests.campaign.campaigns import LAG, MASS, campaign, uniform
@@ -41,7 +41,7 @@ def synthetic_results(of: Campaign, metrics: Metrics, *, missing: int = 0) -> Re
     table = pyarrow.concat_tables(tables) if tables else schema.empty_table()
     made_by = np.zeros(table.num_rows, dtype=np.int64)
     return Results(
-        Path("logs/campaign test"), of, manifest_of(of), tuple(batches[len(present) :]), table, made_by
+        Path("logs/campaign test"), of, Manifest.of(of), tuple(batches[len(present) :]), table, made_by
     )
 
 

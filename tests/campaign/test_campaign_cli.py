@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.campaign import campaign_names
+from cranectl.campaign import CampaignSettings
 from cranectl.campaign.results import read_results
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
@@ -127,7 +127,7 @@ def test_failures_of_the_crane_are_results(capsys: pytest.CaptureFixture[str]) -
 def test_list_and_show(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["campaign", "list", "--json", "-"]) == 0
     listed = json.loads(capsys.readouterr().out)["campaigns"]
-    assert [entry["name"] for entry in listed] == campaign_names()
+    assert [entry["name"] for entry in listed] == CampaignSettings.shipped_names()
     assert main(["campaign", "show", "small.toml", "--runs", "50", "--json", "-"]) == 0
     captured = capsys.readouterr()
     shown = json.loads(captured.out)

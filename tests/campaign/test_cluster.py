@@ -18,8 +18,8 @@ from distributed import LocalCluster
 from cranectl.campaign import Campaign, load_campaign
 from cranectl.campaign.cluster import NO_DASHBOARD, cluster_client, packed, run_batches_on, run_remotely
 from cranectl.campaign.definition import Batch, batches_of
-from cranectl.campaign.manifest import manifest_of
-from cranectl.campaign.results import Store, open_store
+from cranectl.campaign.manifest import Manifest
+from cranectl.campaign.results import Store
 from cranectl.campaign.worker import StoppedError
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
@@ -64,7 +64,7 @@ def test_killed_workers_cost_time_only_unless_a_batch_kills_them_all(
     finished: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     campaign = small()
-    with cluster_client(None, 2) as client, open_store(campaign, Path("mine")) as store:
+    with cluster_client(None, 2) as client, Store.open(campaign, Path("mine")) as store:
         before = client.run(os.getpid)
         killed = ""
         for batch, rows in run_batches_on(client, campaign, store.missing):
@@ -116,7 +116,7 @@ def test_workers_leave_a_batch_that_nobody_waits_for(cluster: LocalCluster) -> N
         return any(worker.state.executing for worker in cluster.workers.values())
 
     with cluster_client(cluster.scheduler_address, 1) as client:
-        future = client.submit(run_remotely, batches_of(long)[0], packed(manifest_of(long), []))
+        future = client.submit(run_remotely, batches_of(long)[0], packed(Manifest.of(long), []))
         assert future.status == "pending"
         wait_until(running)
     wait_until(lambda: not running())
@@ -144,8 +144,9 @@ def test_a_batch_is_left_when_another_thread_says_so(cluster: LocalCluster) -> N
 def test_other_software_is_refused(
     name: str, phrase: str, cluster: LocalCluster, refused: Refused, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    versions = Provenance.now() | {name: "1.0"}
-    monkeypatch.setattr("cranectl.campaign.manifest.software_of", lambda *_: versions)  # not the worker's
+    # The manifest has them, as of this process, and the worker finds others.
+    versions, manifest_of = Provenance.now() | {name: "1.0"}, Manifest.of
+    monkeypatch.setattr(Manifest, "of", lambda campaign: {**manifest_of(campaign), "versions": versions})
     error = refused(*RUN, "--scheduler", cluster.scheduler_address)
     assert "has other software" in error
     assert f" {name} " in error

@@ -14,7 +14,7 @@ import pytest
 
 from cranectl.campaign import Campaign, make_campaign, sample_values
 from cranectl.campaign.load import check_values
-from cranectl.campaign.settings import CampaignSettings, parse_campaign
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import MIXED, PAIR, PUSH, table
 from tests.ranges import Key, ends, has_found_allowed_and_remedy, put, result_or_refusal, share_of
@@ -85,7 +85,7 @@ ALWAYS_TRIED = ("sobol uncertain.initial.alpha_offset.deviation=1e+308",)  # it 
 
 def drawn(case: Case) -> tuple[Campaign, np.ndarray]:
     changed = put(base(case.sampling), case.key, case.value)
-    campaign = make_campaign(parse_campaign(changed, "own.toml"))
+    campaign = make_campaign(CampaignSettings.parse(changed, "own.toml"))
     check_values(campaign)
     last = max(campaign.runs - ROWS, 0)
     values = [sample_values(campaign, first, min(first + ROWS, campaign.runs)) for first in (0, last)]

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from cranectl.campaign.failures import allowed_failures, judge_failures, percent
+from cranectl.campaign.failures import AllowedFailures, judge_failures, percent
 from cranectl.campaign.summary import GroupSummary, failure_interval
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
@@ -54,14 +54,14 @@ def wilson(failures: int, runs: int) -> tuple[float, float]:
     ],
 )
 def test_the_share_is_said_with_its_interval(failures: int, runs: int, said: str) -> None:
-    (verdict,) = judge_failures([group(failures, runs)], allowed_failures("5%"))
+    (verdict,) = judge_failures([group(failures, runs)], AllowedFailures.parse("5%"))
     assert verdict.text == said
     assert failure_interval(failures, runs) == pytest.approx(wilson(failures, runs), abs=1e-12)
     assert f"{percent(wilson(failures, runs)[1])} % (W" in said
 
 
 def test_runs_that_are_no_random_sample_have_no_interval() -> None:
-    (verdict,) = judge_failures([group(3, 49, drawn=False)], allowed_failures("3"))
+    (verdict,) = judge_failures([group(3, 49, drawn=False)], AllowedFailures.parse("3"))
     assert verdict.text == "3 of 49 failed: 6.1 %; at most 3 may fail"
     assert verdict.kept
 
@@ -80,14 +80,14 @@ def test_runs_that_are_no_random_sample_have_no_interval() -> None:
 )
 def test_as_many_runs_may_fail_as_are_allowed(allowed: str, runs: int, most: int) -> None:
     """0.07 · 100 is more than 7 in floating point numbers."""
-    few, more = allowed_failures(allowed), allowed_failures(allowed)
+    few, more = AllowedFailures.parse(allowed), AllowedFailures.parse(allowed)
     assert few.are_kept(most, runs)
     assert not more.are_kept(most + 1, runs)
 
 
 @pytest.mark.parametrize("allowed", ["5%", "100%", "3"])
 def test_no_run_is_no_pass(allowed: str) -> None:
-    (verdict,) = judge_failures([group(0, 0)], allowed_failures(allowed))
+    (verdict,) = judge_failures([group(0, 0)], AllowedFailures.parse(allowed))
     assert not verdict.kept
     assert "no run" in verdict.text
 
@@ -95,7 +95,7 @@ def test_no_run_is_no_pass(allowed: str) -> None:
 @pytest.mark.parametrize("text", ["", "-1", "0.05", "5 of 100", "101%", "-1%", "1e2%", "five", "nan", "5%%"])
 def test_other_texts_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="write --max-failures 5%"):
-        allowed_failures(text)
+        AllowedFailures.parse(text)
 
 
 def test_the_command_line_judges(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:

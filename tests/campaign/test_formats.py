@@ -10,7 +10,7 @@ import pytest
 
 from cranectl.campaign import table as columns
 from cranectl.campaign.manifest import FORMAT
-from cranectl.campaign.results import MANIFEST_FILE, open_store, read_results
+from cranectl.campaign.results import MANIFEST_FILE, Store, read_results
 from cranectl.campaign.summary import summarize
 from cranectl.cli.main import main
 from cranectl.support.errors import InputError
@@ -68,7 +68,7 @@ def test_a_result_of_other_velocity_drives_is_not_resumed(samples: Path) -> None
     manifest = (samples / SAMPLE / MANIFEST_FILE).read_bytes()
     with (
         pytest.raises(InputError, match="velocity_drives is absent, not servos"),
-        open_store(before.campaign, Path(SAMPLE), resume=True, despite_differences=True),
+        Store.open(before.campaign, Path(SAMPLE), resume=True, despite_differences=True),
     ):
         pass
     assert (samples / SAMPLE / MANIFEST_FILE).read_bytes() == manifest

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from cranectl.campaign import campaign_names, load_campaign, sample_values
+from cranectl.campaign import CampaignSettings, load_campaign, sample_values
 from cranectl.campaign.definition import batches_of
-from cranectl.campaign.manifest import SoftwareOrigin, campaign_of, differences, manifest_of, origins_of
-from cranectl.campaign.results import PARTS, REPLAYS, open_store, read_results
+from cranectl.campaign.manifest import Manifest, SoftwareOrigin
+from cranectl.campaign.results import PARTS, REPLAYS, Store, read_results
 from cranectl.campaign.table import ResultDamageError, part_name, read_part, row_columns
 from cranectl.plants import registry
 from cranectl.support.errors import InputError
@@ -22,7 +22,7 @@ from tests.campaign.results import invented_rows, two_controllers, write_all
 from tests.conftest import PLANTS
 
 CAMPAIGN = two_controllers()
-ORIGINS = origins_of(manifest_of(CAMPAIGN))
+ORIGINS = Manifest.origins(Manifest.of(CAMPAIGN))
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def caught(function: Any, *arguments: Any, **options: Any) -> InputError:
 
 def opened(*arguments: Any, **options: Any) -> tuple[int, tuple[str, ...]]:
     """Open a store; return its number of missing batches and its quarantined parts."""
-    with open_store(*arguments, **options) as store:
+    with Store.open(*arguments, **options) as store:
         return len(store.missing), store.quarantined
 
 
@@ -99,14 +99,14 @@ def test_columns_say_what_they_are(one_part: Path) -> None:
     assert schema.field("max_error_m").nullable
 
 
-@pytest.mark.parametrize("name", campaign_names())
+@pytest.mark.parametrize("name", CampaignSettings.shipped_names())
 def test_a_record_is_enough_to_draw_the_samples_again(name: str) -> None:
     of = load_campaign(name)
-    manifest = json.loads(json.dumps(manifest_of(of)))
-    restored = campaign_of(manifest, "manifest")
+    manifest = json.loads(json.dumps(Manifest.of(of)))
+    restored = Manifest.campaign(manifest, "manifest")
     assert (restored.settings, restored.nominal) == (of.settings, of.nominal)
     assert np.array_equal(sample_values(restored, 0, 10), sample_values(of, 0, 10))
-    assert differences(manifest_of(restored), manifest) == []
+    assert Manifest.differences(Manifest.of(restored), manifest) == []
 
 
 def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
@@ -114,10 +114,12 @@ def test_a_record_does_not_need_the_scenario_file(tmp_path: Path) -> None:
 
     path = tmp_path / "mine.toml"
     shutil.copy(Shipped.SCENARIOS.folder / "fast-diagonal.toml", path)
-    manifest = manifest_of(campaign(scenario=str(path)))
+    manifest = Manifest.of(campaign(scenario=str(path)))
     path.unlink()
-    assert campaign_of(manifest, "manifest").nominal.name == "fast-diagonal"
-    assert origins_of(manifest) == origins_of(manifest_of(campaign())), "the scenario counts, not its place"
+    assert Manifest.campaign(manifest, "manifest").nominal.name == "fast-diagonal"
+    assert Manifest.origins(manifest) == Manifest.origins(Manifest.of(campaign())), (
+        "the scenario counts, not its place"
+    )
 
 
 @pytest.mark.parametrize(("leave", "runs"), [(2, 56), (6, 0)])
@@ -176,7 +178,7 @@ def test_damaged_parts_are_told_quarantined_and_run_again(directory: Path) -> No
     ):
         assert phrase in error.found
     assert "--resume" in error.remedy
-    with open_store(CAMPAIGN, directory, resume=True) as store:
+    with Store.open(CAMPAIGN, directory, resume=True) as store:
         assert store.missing == tuple(batches_of(CAMPAIGN)[:3])
         assert all("was damaged" in note for note in store.quarantined)
         for batch in store.missing:
@@ -259,7 +261,7 @@ def test_places_that_are_no_results(tmp_path: Path) -> None:
 
 def test_nothing_is_left_where_nothing_could_be_run(tmp_path: Path) -> None:
     def refused() -> None:
-        with open_store(CAMPAIGN, tmp_path):
+        with Store.open(CAMPAIGN, tmp_path):
             raise InputError("the nominal crane cannot be run", allowed="one that can", remedy="correct it")
 
     caught(refused)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cranectl.campaign import campaign_names, load_campaign, sample_values, sampled_scenario
+from cranectl.campaign import CampaignSettings, load_campaign, sample_values, sampled_scenario
 from cranectl.planning import load_scenario
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import Friction
@@ -55,7 +55,7 @@ def test_values_wrong_only_together_are_found_in_the_sample() -> None:
         sampled_scenario(two_times, [1.2])
 
 
-@pytest.mark.parametrize("name", campaign_names())
+@pytest.mark.parametrize("name", CampaignSettings.shipped_names())
 def test_every_campaign_loads_and_its_samples_are_scenarios(name: str) -> None:
     shipped = load_campaign(name)
     assert shipped.settings.name == name

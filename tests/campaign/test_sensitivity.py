@@ -12,10 +12,9 @@ from cranectl.campaign.sampling import saltelli_blocks
 from cranectl.campaign.sensitivity import (
     MIN_BASE_POINTS,
     Correlations,
-    correlations,
+    OneAtATimeEffect,
+    Separation,
     independent_rows,
-    one_at_a_time_effects,
-    separations,
     sobol_indices,
 )
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, Example, examples, groups_of, parameter_values
@@ -118,7 +117,7 @@ def known(values: np.ndarray, *_: str) -> dict[str, np.ndarray]:
 
 def correlations_of(of: Campaign) -> tuple[Correlations, dict[str, int], dict[str, int]]:
     results = synthetic_results(of, known)
-    strengths = correlations(results, groups_of(results)[0], parameter_values(results))
+    strengths = Correlations.of(results, groups_of(results)[0], parameter_values(results))
     rows = {name: k for k, name in enumerate(strengths.parameters)}
     return strengths, rows, {name: k for k, name in enumerate(strengths.metrics)}
 
@@ -153,26 +152,26 @@ def test_seeds_constants_and_repeated_rows_are_left_out() -> None:
     of = campaign(THREE | inert, plants=["mujoco"])
     results = synthetic_results(of, lambda values, *_: known(values[:, :3], *_))
     assert independent_rows(results).size == 64
-    strengths = correlations(results, groups_of(results)[0], parameter_values(results))
+    strengths = Correlations.of(results, groups_of(results)[0], parameter_values(results))
     assert strengths.parameters == THREE_NAMES
 
 
 def test_what_separates_failed_runs_comes_first() -> None:
     results = synthetic_results(three(runs=320), known)
-    result = separations(results, groups_of(results)[0], parameter_values(results))
+    result = Separation.all(results, groups_of(results)[0], parameter_values(results))
     assert [separation.significant for separation in result] == [True, False, False]
     assert (result[0].parameter, result[0].distance) == ("rig.load_mass", 1.0)
     assert result[0].failed_median > 1.4 > result[0].other_median
     none = synthetic_results(three(), lambda *_: {})
-    assert separations(none, groups_of(none)[0], parameter_values(none)) == ()
+    assert Separation.all(none, groups_of(none)[0], parameter_values(none)) == ()
     everything = synthetic_results(three(), lambda v, *_: {"status": np.full(len(v), "slack-rope")})
-    assert separations(everything, groups_of(everything)[0], parameter_values(everything)) == ()
+    assert Separation.all(everything, groups_of(everything)[0], parameter_values(everything)) == ()
 
 
 def test_effects_one_at_a_time_are_steps_from_the_nominal_run() -> None:
     results = synthetic_results(three(sampling="one-at-a-time", runs=None), known)
     group, values = groups_of(results)[0], parameter_values(results)
-    steps = one_at_a_time_effects(results, group, values)
+    steps = OneAtATimeEffect.all(results, group, values)
     assert [step.parameter for step in steps] == [name for name in THREE_NAMES for _ in range(2)]
     nominal = values[0].copy()
     for step in steps:

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from cranectl.campaign import load_campaign, read_campaign
-from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign import load_campaign
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.support.errors import InputError
 from tests.campaign.campaigns import LAG, MASS, PAIR, campaign, choice, fixed, table, uniform
 
@@ -155,7 +155,7 @@ def test_a_campaign_names_its_rig_from_where_it_lies(tmp_path: Path) -> None:
 
 
 def test_settings_survive_json_and_names_may_be_quoted() -> None:
-    settings = read_campaign("lab-rig")
-    assert parse_campaign(json.loads(settings.model_dump_json()), "again") == settings
+    settings = CampaignSettings.read("lab-rig")
+    assert CampaignSettings.parse(json.loads(settings.model_dump_json()), "again") == settings
     nested_table, quoted = table({"rig": {"load_mass": MASS}}), table({"rig.load_mass": MASS})
-    assert parse_campaign(nested_table, "a") == parse_campaign(quoted, "b")
+    assert CampaignSettings.parse(nested_table, "a") == CampaignSettings.parse(quoted, "b")

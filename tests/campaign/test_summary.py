@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from cranectl.campaign.replay import chosen_rows, differences
-from cranectl.campaign.report.tables import failure_notes, summary_table
+from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.results import Results, read_results
 from cranectl.campaign.summary import failed, failure_interval, summarize, worst_first
 from cranectl.campaign.table import METRIC_COLUMNS
@@ -32,7 +32,7 @@ def test_failures_quantiles_and_the_worst(tmp_path: Path) -> None:
     assert lqr.runs == pole_placement.runs == 40
     assert (lqr.failures, lqr.failure_rate) == (4, 0.1)  # samples 7, 17, 27, 37
     assert (lqr.stopped, lqr.broken) == ({"slack-rope": 4}, {})
-    assert failure_notes([lqr]) == ["lqr: 4 slack-rope"]
+    assert CampaignTables.failure_notes([lqr]) == ["lqr: 4 slack-rope"]
     table = results.table.to_pylist()[:40]
     completed = sorted(row["max_error_m"] for row in table if row["status"] == "completed")
     assert lqr.median_max_error_m == 0.5 * (completed[17] + completed[18])
@@ -128,7 +128,7 @@ def test_the_table_fits_a_terminal_of_80_columns(tmp_path: Path) -> None:
     results = results_of(tmp_path, controllers=list(CONTROLLERS), runs=2)
     screen = Console(width=80, record=True, quiet=True)
     with screen.capture() as capture:
-        screen.print(screen_table(summary_table(summarize(results), "title")))
+        screen.print(screen_table(CampaignTables.summary(summarize(results), "title")))
     text = capture.get()
     assert "…" not in text
     assert all(len(line.rstrip()) <= 80 for line in text.splitlines())

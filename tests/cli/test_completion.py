@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from click.shell_completion import BashComplete
 
-from cranectl.campaign.settings import campaign_names
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.main import NAMES, cli
 from cranectl.controllers.registry import controller_names
 from cranectl.plants.registry import PLANTS
-from cranectl.scenario.load import rig_names, scenario_names
+from cranectl.scenario.load import RigFile, scenario_names
 from tests.packages import install
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -49,8 +49,8 @@ def complete(line: str) -> set[str]:
         ("run x --plants ", {*PLANTS, "all"}),
         ("run x --plants analytic,e", {"analytic,elastic"}),
         ("run x --drive ", {"ideal", "velocity", "force"}),
-        ("run x --rig ", {FILES, *rig_names()}),
-        ("campaign show ", {FILES, *campaign_names()}),
+        ("run x --rig ", {FILES, *RigFile.names()}),
+        ("campaign show ", {FILES, *CampaignSettings.shipped_names()}),
         ("certify lqr --scenario fixed-pos", {FILES, "fixed-position"}),
         ("info ", {FILES}),
     ],

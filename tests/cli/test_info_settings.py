@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.cli.main import main
-from cranectl.scenario.load import load_rig, rig_names
+from cranectl.scenario.load import RigFile
 from cranectl.support.documents import TOML
 from tests.cli.conftest import Command, json_of
 from tests.cli.option_cases import MANY
@@ -73,13 +73,13 @@ def test_the_numbers_of_a_rig_and_where_they_come_from(capsys: pytest.CaptureFix
     assert "yard.toml" in line
 
 
-@pytest.mark.parametrize("name", [*rig_names(), "mine.toml"])
+@pytest.mark.parametrize("name", [*RigFile.names(), "mine.toml"])
 def test_what_is_shown_is_the_rig_that_runs(name: str) -> None:
     """The numbers, written into a file of their own, are the same rig."""
     facts = info(name)
     assert facts["kind"] == "rig"
     Path("whole.toml").write_text(TOML.text(facts["rig"]), encoding="utf-8")
-    assert load_rig("whole.toml") == load_rig(name)
+    assert RigFile.load("whole.toml") == RigFile.load(name)
     assert set(info("whole.toml")["origins"].values()) == {"whole.toml"}
 
 

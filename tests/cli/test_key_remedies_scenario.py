@@ -5,7 +5,7 @@ import shlex
 
 import pytest
 
-from cranectl.campaign.settings import read_campaign
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.main import main
 from tests.cli.conftest import Command
 from tests.remedies import Case, remedy_test, written
@@ -141,4 +141,4 @@ def test_the_remedy_of_a_list_of_a_campaign_can_be_typed(refusal: Command) -> No
     error = refusal("campaign", "run", "two-plants", "--set", "plants=analytic")
     (option,) = re.findall("remedy: .*(--set .*)", error)
     words = shlex.split(option)[1]
-    assert read_campaign("two-plants", overrides=[words]) == read_campaign("two-plants")
+    assert CampaignSettings.read("two-plants", overrides=[words]) == CampaignSettings.read("two-plants")

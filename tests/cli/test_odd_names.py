@@ -10,8 +10,8 @@ from pathlib import Path
 import click
 import pytest
 
-from cranectl.cli.command import short_names
 from cranectl.cli.main import main
+from cranectl.cli.names import Names
 from tests.cli.command_lines import LINES, commands
 from tests.ranges import share_of
 
@@ -104,4 +104,4 @@ def test_an_odd_name_is_explained(
 @pytest.mark.parametrize("odd", ["", "/", ".."])
 def test_a_file_without_a_name_has_a_short_name(odd: str) -> None:
     """It is refused where it is read; `report x.mcap ''` ended before that."""
-    assert short_names([Path("a/x.mcap"), Path(odd)])[0] == "x"
+    assert Names.of_files([Path("a/x.mcap"), Path(odd)])[0] == "x"

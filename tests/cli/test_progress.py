@@ -48,7 +48,7 @@ def test_no_more_is_done_than_all(
     """Plants that disagree run again with finer steps, which nobody has counted before."""
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
     text = ""
-    with output.progress_bar(50.0, "run") as advance:
+    with output.Screen.progress_bar(50.0, "run") as advance:
         for _ in range(3):
             advance(32.0)
         while "96/96 s simulated" not in text:  # hangs if it is never printed

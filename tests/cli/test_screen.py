@@ -6,7 +6,7 @@ import re
 import pytest
 from rich.console import Console
 
-from cranectl.cli.output import Screen, screen_table, styled
+from cranectl.cli.output import Screen, screen_table
 from cranectl.report import table as report
 from cranectl.support.errors import MAX_PHRASE, printable
 
@@ -26,7 +26,7 @@ def test_text_from_outside_is_printed_as_one_harmless_line(position: str) -> Non
     rows = ((report.Cell(HOSTILE, "bad"), report.Cell("1")),)
     printed = {
         "line": [HOSTILE],
-        "style": ["before", styled(HOSTILE, "bold")],
+        "style": ["before", Screen.styled(HOSTILE, "bold")],
         "cell": [report.Table("t", ("h", "i"), rows)],
         "heading": [report.Table("t", (HOSTILE.replace("\n", " "), "i"), rows)],
         "title": [report.Table(HOSTILE, ("h", "i"), rows)],
@@ -52,7 +52,7 @@ NUMBERS = [f"{k}.67e-0{k}" for k in range(9)]
 @pytest.mark.parametrize("width", [200, 80, 40, 12])
 def test_no_number_is_truncated(width: int) -> None:
     headings = ("what is measured", *(f"heading {k}\n[mm]" for k in range(9)))
-    table = report.Table("", headings, (report.cells("friction of the axes", *NUMBERS),))
+    table = report.Table("", headings, (report.Cell.row("friction of the axes", *NUMBERS),))
     text = output(table, width=width)
     assert all(number in text for number in NUMBERS)
     assert "…" not in text
@@ -88,8 +88,8 @@ TABLE = report.Table(
     "Error [mm]",
     ("rung", "estimate\nRMS", "estimate\nmax", "measured\nRMS", "bound [mm]"),
     (
-        report.cells("sampled", "1", "2", "3", report.Cell("[4]", "bad")),
-        report.cells(report.Cell("all", "head"), *[""] * 4),
+        report.Cell.row("sampled", "1", "2", "3", report.Cell("[4]", "bad")),
+        report.Cell.row(report.Cell("all", "head"), *[""] * 4),
     ),
     note="effects.wind.mean = [0, 0]",
 )
@@ -105,7 +105,7 @@ def test_a_table_is_printed_with_group_headings_and_aligned_numbers() -> None:
     assert row.split() == ["sampled", "1", "2", "3", "[4]"]
     assert row.index("1") == second.index("RMS") + 2
     assert note.strip() == "effects.wind.mean = [0, 0]"
-    without_headings = report.Table("title", ("", ""), (report.cells("gain", "2"),))
+    without_headings = report.Table("title", ("", ""), (report.Cell.row("gain", "2"),))
     assert output(without_headings).split() == ["title", "gain", "2"]
 
 
@@ -120,7 +120,7 @@ def test_marked_cells_are_coloured() -> None:
 
 def test_long_cells_are_folded_except_in_the_first_column() -> None:
     words = "what a scenario is for, in some words"
-    row = report.cells("settled-trajectory", words, "1.5")
+    row = report.Cell.row("settled-trajectory", words, "1.5")
     text = output(report.Table("", ("name", "what it is", "[m]"), (row,), 2), width=40)
     assert "settled-trajectory" in text
     assert "1.5" in text

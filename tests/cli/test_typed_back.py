@@ -21,12 +21,12 @@ from cranectl.planning import load_scenario
 from cranectl.plants import DRIVES
 from cranectl.plants import PLANTS as ALL_PLANTS
 from cranectl.scenario.effects import EffectNumbers
-from cranectl.scenario.load import load_rig, rig_names, scenario_names
+from cranectl.scenario.load import RigFile, scenario_names
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
 from cranectl.tools.robustness.certificate.conservatism import LargestValues
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
-from cranectl.tools.robustness.report.tables import limit_table
+from cranectl.tools.robustness.report.tables import CertificateTables
 from tests.cli.conftest import Command
 from tests.ranges import ALL, ends
 
@@ -50,7 +50,7 @@ def as_toml(text: str) -> str:
 
 def random_rigs() -> list[tuple[str, str]]:
     """Return the shipped rigs and rigs of other sizes, whose further numbers are scaled."""
-    rng, rigs = np.random.default_rng(1), [(name, name) for name in rig_names()]
+    rng, rigs = np.random.default_rng(1), [(name, name) for name in RigFile.names()]
     for k in range(40 if ALL else 6):
         load, rope = np.exp(rng.uniform(np.log((0.05, 0.4)), np.log((90_000.0, 60.0)))).tolist()
         rigs.append((f"random-{k}", f"rated_load = {load!r}\nrope_range = [{rope / 9.0!r}, {rope!r}]\n"))
@@ -65,7 +65,7 @@ def test_a_rig_that_is_shown_can_be_written(name: str, content: str, output: Com
     numbers = {key: value for key, value in shown.items() if key != "number"}
     assert len(numbers) > 40
     Path("typed.toml").write_text("".join(f"{key} = {as_toml(value)}\n" for key, value in numbers.items()))
-    typed, known = load_rig("typed.toml"), load_rig(name)
+    typed, known = RigFile.load("typed.toml"), RigFile.load(name)
     for key in ("workspace", "time_constants", "driven_masses"):
         assert getattr(typed, key) == pytest.approx(getattr(known, key), rel=1e-5)
     start = (*known.workspace[:2].mean(axis=1).tolist(), -float(known.workspace[2].mean()))
@@ -102,7 +102,7 @@ def test_names_that_are_listed_are_accepted(output: Command) -> None:
     """The list on the screen has no fewer than the registries."""
     shown = dict(re.findall(r"^ ?([\w+-]+) {2,}(\S.*?)(?: {2,}|$)", output("list"), re.MULTILINE))
     assert {*scenario_names(), *controller_names()} <= shown.keys()
-    assert shown["rigs"].split(", ") == rig_names()
+    assert shown["rigs"].split(", ") == RigFile.names()
     assert shown["drives"].split(", ") == list(DRIVES)
     for name in (*shown["rigs"].split(", "), *scenario_names()):
         assert name in output("info", name)
@@ -176,10 +176,10 @@ def odd_settings(rng: np.random.Generator) -> list[str]:
 @pytest.mark.parametrize("seed", range(MANY))
 def test_remedies_do_not_lead_in_a_circle(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    rig, drive = str(rng.choice(rig_names())), str(rng.choice([*DRIVES]))
+    rig, drive = str(rng.choice(RigFile.names())), str(rng.choice([*DRIVES]))
     plants = [str(name) for name in rng.permutation(PLANTS)[: rng.integers(1, 3)]]
     law = str(rng.choice(["lqr", "pid", "lqr-integral", "flat-velocity", "pole-placement+hinf"]))
-    low, high = load_rig(rig).workspace.T
+    low, high = RigFile.load(rig).workspace.T
     x, y, rope = (low + rng.uniform(0.3, 0.7, 3) * (high - low)).tolist()
     Path("still.toml").write_text(STILL)
     start = f"reference.start={[x, y, -rope]}"
@@ -219,6 +219,6 @@ def test_the_smallest_gamma_is_a_gamma(weight: float, refusal: Command) -> None:
 @pytest.mark.parametrize("value", [0.0276, 0.02749, 0.1204, 0.3])
 def test_certified_delays_are_rounded_down(value: float) -> None:
     """The largest delay that is certified can be typed; rounded to the nearest it might be refused."""
-    row = limit_table([LargestValues(OperatingPoint(0.7), value, value, value, value)]).rows[0]
+    row = CertificateTables.limits([LargestValues(OperatingPoint(0.7), value, value, value, value)]).rows[0]
     for cell in row[1:]:
         assert 0.99 * value < float(cell.text) / 1e3 <= value * (1.0 + 1e-12)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import cranectl
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from docs import build, figures
 from tests.conftest import ROOT
 from validation.performance import page as performance
@@ -26,7 +26,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_all_pages_are_built_from_the_data_of_the_repository(source: Path) -> None:
     page = (source / "extra" / build.BENCHMARK).read_text(encoding="utf-8")
-    assert f">{read_benchmark('literature').baseline}<" in page
+    assert f">{Benchmark.read('literature').baseline}<" in page
     assert page.count("<svg") > 5
     mutated = (source / "proofs" / "mutations.md").read_text(encoding="utf-8")
     functions = re.findall(r"^## `(.*)`$", mutated, re.MULTILINE)

@@ -20,7 +20,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import NamedTuple
 
-from cranectl.cli import exit_codes
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.main import main
 from cranectl.support.interrupts import Interruption
 from tests.fuzz.oracle import DOCUMENTED_CODES, UNSAFE_CHARACTERS
@@ -92,7 +92,7 @@ def check(result: Result, arguments: Sequence[str], *, killed: bool = False, tru
     assert "Traceback" not in result.err, details
     assert not any(UNSAFE_CHARACTERS.search(line) for line in ERROR_LINES.findall(result.err)), details
     explained = truncated or re.search(r"^(found: |Error: )", result.err, re.MULTILINE)
-    assert result.code != exit_codes.BAD_INPUT or explained, details
+    assert result.code != ExitCode.BAD_INPUT or explained, details
 
 
 def _wait(child: BaseProcess, kill: tuple[float, signal.Signals] | None) -> int:
@@ -124,7 +124,7 @@ def _work(
         limit()
         code = main(["--traceback", *arguments])
     except BaseException as error:  # a signal before the command could handle it
-        code = exit_codes.INTERRUPTED if Interruption.is_cause_of(error) else code
+        code = ExitCode.INTERRUPTED if Interruption.is_cause_of(error) else code
     finally:
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):

@@ -18,14 +18,14 @@ from typing import Any, TypeVar
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
-from cranectl.cli import exit_codes
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.main import main
 from tests.pace import within
 
 SEED = os.environ.get("FUZZ_SEED")  # set by `make fuzz`; without it each run tests the same few cases
 FUZZ_FACTOR = 10  # `make fuzz` tests this many times more cases
 PROCESS_FUZZ_FACTOR = 3  # the same for cases that need a process each
-DOCUMENTED_CODES = exit_codes.MEANINGS.keys() - {exit_codes.UNFORESEEN}
+DOCUMENTED_CODES = {*ExitCode} - {ExitCode.UNFORESEEN}
 TIME_LIMIT = 10.0  # [s] of processor time for a command
 SLOW_MACHINE_FACTOR = 20.0  # a slow machine may take this many times longer
 FIRST_TIME_LIMIT = 1000.0  # [s] for the first attempt, which may have to compile or import something
@@ -106,8 +106,8 @@ def check_command(
     assert "Traceback" not in err, details
     assert not UNSAFE_CHARACTERS.search(out + err), details
     assert len(err) < MAX_MESSAGE_LENGTH, details
-    assert code != exit_codes.BAD_INPUT or re.search(r"^(found: |Error: )", err, re.MULTILINE), details
-    if code not in (exit_codes.BAD_INPUT, exit_codes.INTERRUPTED) and stream != "full":
+    assert code != ExitCode.BAD_INPUT or re.search(r"^(found: |Error: )", err, re.MULTILINE), details
+    if code not in (ExitCode.BAD_INPUT, ExitCode.INTERRUPTED) and stream != "full":
         _check_json(arguments, out)
     _check_files(arguments, before, after)
     return code, after

@@ -9,7 +9,7 @@ from cranectl.cases.case import RunSummary
 from cranectl.metrics import run_metrics
 from cranectl.metrics.clearance import clearance
 from cranectl.planning import load_scenario
-from cranectl.report.run.tables import metrics_table
+from cranectl.report.run.tables import RunTables
 from cranectl.simulate import simulate_run
 
 RADIUS = 0.15
@@ -72,5 +72,5 @@ def test_only_runs_with_obstacles_have_it_and_a_row() -> None:
         scenario = load_scenario("fixed-position", overrides=["duration=0.1", "disturbances=[]", *overrides])
         run = simulate_run(scenario, plant="analytic")
         assert (run_metrics(run).min_clearance_m is not None) is bool(cells)
-        table = metrics_table({"": [RunSummary.of(run, Path())]})
+        table = RunTables.metrics({"": [RunSummary.of(run, Path())]})
         assert [row[2].text for row in table.rows if row[0].text == "clearance of obstacles"] == cells

@@ -14,8 +14,8 @@ from cranectl.metrics import Accumulator, Metric, WorkspaceViolation, run_metric
 from cranectl.metrics.setup import FLAG_COLUMN, metrics_setup
 from cranectl.model.dynamics import kinetic_energy, potential_energy, rope_direction
 from cranectl.planning import load_scenario
-from cranectl.report.run.page import log_page
-from cranectl.report.run.tables import metrics_table, run_table
+from cranectl.report.run.page import LogPage
+from cranectl.report.run.tables import RunTables
 from cranectl.report.table import Cell
 from cranectl.scenario import Scenario
 from cranectl.scenario.effects import DriveLimits, EffectSettings, Friction
@@ -354,7 +354,7 @@ def test_violations_on_the_low_side_count_too(synthetic: Run) -> None:
 
 def test_the_table_of_a_run(synthetic: Run) -> None:
     run, none = (RunSummary.of(run_or_part, Path()) for run_or_part in (synthetic, cut(synthetic, 0)))
-    table = metrics_table({"one": [run, replace(run, plant="twin")], "none": [none]})
+    table = RunTables.metrics({"one": [run, replace(run, plant="twin")], "none": [none]})
     assert table.headings == ("metric", "unit", f"one\n{run.plant}, twin", f"none\n{run.plant}")
     texts = {row[0].text: (row[1].text, row[2].text) for row in table.rows}
     always = sum(bool(metric.row.label and metric.row.always) for metric in Metric.all())
@@ -366,10 +366,12 @@ def test_the_table_of_a_run(synthetic: Run) -> None:
     assert texts["time outside x_c y_c l"] == ("s", "0.000 1.414 0.000")
     assert {row[3].text for row in table.rows} == {"-"}
     assert "best" not in {cell.mark for row in table.rows for cell in row}, "there is nothing to compare"
-    stopped = metrics_table({"": [RunSummary.of(replace(synthetic, status=RunStatus.SLACK_ROPE), Path())]})
+    stopped = RunTables.metrics(
+        {"": [RunSummary.of(replace(synthetic, status=RunStatus.SLACK_ROPE), Path())]}
+    )
     assert [row[2].text for row in stopped.rows if row[0].text == "settling time"] == ["-"]
-    page = log_page({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
-    assert metrics_table({"log": [replace(none, plant="analytic")]}) in page.sections[0].tables
+    page = LogPage.of({"log": {"analytic": cut(synthetic, 0)}}, "cranectl report")  # without figures
+    assert RunTables.metrics({"log": [replace(none, plant="analytic")]}) in page.sections[0].tables
 
 
 def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> None:
@@ -380,16 +382,19 @@ def test_the_best_of_the_runs_that_did_not_stop_is_marked(synthetic: Run) -> Non
 
     slack = with_values(max_error_m=0.01, min_rope_tension_n=0.0)
     stopped = replace(with_values(max_error_m=0.0), status=RunStatus.SLACK_ROPE)
-    table = metrics_table({"a": [run], "b": [slack], "c": [stopped]})
+    table = RunTables.metrics({"a": [run], "b": [slack], "c": [stopped]})
     marks = {row[0].text: [cell.mark for cell in row[2:]] for row in table.rows}
     assert marks["tracking error, max"] == ["", "best", ""]
     assert marks["rope tension, min"] == ["best", "", ""]
     assert marks["sway, max"] == ["", "", ""], "the same everywhere"
-    heavy = metrics_table({"": [with_values(min_rope_tension_n=193741.96)]})
+    heavy = RunTables.metrics({"": [with_values(min_rope_tension_n=193741.96)]})
     (row,) = (row for row in heavy.rows if row[0].text == "rope tension, min")
     assert [cell.text for cell in row[1:]] == ["kN", "193.742"]
 
 
 def test_a_report_marks_a_run_that_left_the_rig(synthetic: Run) -> None:
     runs = [RunSummary.of(run, Path("log")) for run in (synthetic, cut(synthetic, 1000))]
-    assert [row[-1] for row in run_table({"log": runs}).rows] == [Cell("0.2000", "bad"), Cell("0.0000", "")]
+    assert [row[-1] for row in RunTables.runs({"log": runs}).rows] == [
+        Cell("0.2000", "bad"),
+        Cell("0.0000", ""),
+    ]

@@ -11,7 +11,7 @@ from cranectl.cli.main import main
 from cranectl.log.reader import read_log
 from cranectl.planning import load_scenario, plan_motions
 from cranectl.planning.plan import plan_with_blends
-from cranectl.planning.review import reviews
+from cranectl.planning.review import Review
 from cranectl.reference import Trajectory
 from cranectl.scenario import Scenario
 from cranectl.scenario.along_path import BlendedPath
@@ -67,7 +67,7 @@ def test_a_blended_path_is_within_limits_and_faster_than_with_stops(
     planned = scenario(path, blend)
     (segment,) = planned.reference.segments
     assert isinstance(segment, BlendedPath)
-    (review,) = reviews(planned)
+    (review,) = Review.of(planned)
     assert review.proof.is_valid
     assert largest_excess(planned, SAMPLES) < 1e-9
     assert (
@@ -125,7 +125,7 @@ def test_way_points_are_passed_in_minimum_time(points: tuple[tuple[float, ...], 
     (segment,) = planned.reference.segments
     assert isinstance(segment, Spline)
     assert isinstance(segment.time_law, SplineLaw)
-    (review,) = reviews(planned)
+    (review,) = Review.of(planned)
     assert review.proof.is_valid
     assert largest_excess(planned, SAMPLES) < 1e-9
     time = np.linspace(0.0, segment.duration, 20_001)

@@ -6,16 +6,7 @@ PLAN_CASES=200 takes that many of the 1000 splines.
 import numpy as np
 import pytest
 
-from cranectl.planning.limits import (
-    AXES,
-    SIDES,
-    Box,
-    Limits,
-    constraints,
-    limits_of,
-    motion,
-    side_distances,
-)
+from cranectl.planning.limits import AXES, SIDES, Box, Limits, constraints, limits_of, motion, side_distances
 from cranectl.planning.proof import Proof, prove
 from cranectl.reference.series import Series
 from cranectl.reference.time_laws import spline

@@ -14,7 +14,7 @@ from cranectl.plants.mujoco.plant import MujocoPlant
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
 from cranectl.scenario import Scenario
-from cranectl.scenario.load import load_rig, rig_names, scenario_names
+from cranectl.scenario.load import RigFile, scenario_names
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import simulate_run
 from cranectl.simulate.open_run import open_run
@@ -39,9 +39,9 @@ def test_shipped_scenarios_keep_their_steps(name: str, drive: Drive) -> None:
         assert PhysicsStep(scenario, drive).is_short_enough
 
 
-@pytest.mark.parametrize("name", rig_names())
+@pytest.mark.parametrize("name", RigFile.names())
 def test_shipped_rigs_have_the_usual_step(name: str) -> None:
-    scenario = load_scenario("fast-diagonal").model_copy(update={"rig": load_rig(name)})
+    scenario = load_scenario("fast-diagonal").model_copy(update={"rig": RigFile.load(name)})
     assert {PhysicsStep(scenario, drive).seconds for drive in DRIVES} == {0.001}
 
 

@@ -21,7 +21,7 @@ from cranectl.support.colours import Palette
 from cranectl.support.errors import InputError
 from cranectl.support.units import Quantity
 from cranectl.tools.render.caption import readings
-from cranectl.tools.render.timeline import timeline_of
+from cranectl.tools.render.timeline import Timeline
 from tests.packages import install, run_all_beside
 
 SOURCE = """\
@@ -130,7 +130,7 @@ def test_a_log_has_the_differences_of_each_plant(log: Path) -> None:
 
 def test_pictures_and_pages_show_all(log: Path) -> None:
     runs = cranectl.read_log(log)
-    timeline = timeline_of(runs)
+    timeline = Timeline.of(runs)
     assert [(track.label, track.is_ghost) for track in timeline.tracks] == [
         ("analytic", True), ("elastic", True), ("MuJoCo", True), ("tons of bricks", False),
     ]  # fmt: skip

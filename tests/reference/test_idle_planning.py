@@ -10,7 +10,7 @@ import pytest
 from cranectl.planning import load_scenario
 from cranectl.reference import Trajectory
 from cranectl.scenario.along_path import Arc, BlendedPath, Line
-from cranectl.scenario.load import read_scenario
+from cranectl.scenario.load import ScenarioFile
 from cranectl.scenario.planning import PlanningSettings
 from cranectl.scenario.recorded import Driven
 from cranectl.scenario.segments import Hold, Move, Samples, Spline, WayPoints
@@ -144,7 +144,7 @@ def test_a_setting_of_a_segment_changes_the_motion_or_is_refused(
 def test_a_setting_of_planning_changes_the_motion_or_is_reported(name: str, key: str) -> None:
     before = sampled_reference([*BASE, as_override(SEGMENTS[name])])
     overrides = [*BASE, as_override(SEGMENTS[name]), f"planning.{key}={json.dumps(OTHER_PLAN[key])}"]
-    read = read_scenario("fixed-position", overrides=overrides)
+    read = ScenarioFile.read("fixed-position", overrides=overrides)
     try:
         changed = sampled_reference(overrides) != before
     except InputError as error:
@@ -162,7 +162,7 @@ def test_a_load_box_replaces_the_clearance_from_the_ends_of_the_rig() -> None:
     ]
     more = [*overrides, "planning.clearance=0.3"]
     assert sampled_reference(more) == sampled_reference(overrides)
-    read = read_scenario("fixed-position", overrides=more)
+    read = ScenarioFile.read("fixed-position", overrides=more)
     assert RunKind.find_idle_settings(
         load_scenario("fixed-position", overrides=more), read, ["planning.clearance"], [RUN_KIND]
     )

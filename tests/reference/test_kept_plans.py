@@ -11,7 +11,7 @@ from cranectl.log.events import events
 from cranectl.log.reader import read_log
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario, plan, review
-from cranectl.planning.review import reviews
+from cranectl.planning.review import Review
 from cranectl.scenario import Scenario, Segment
 from cranectl.scenario.held_files import HeldFiles
 from cranectl.simulate import simulate_run
@@ -79,7 +79,7 @@ def test_a_log_states_the_proof_without_proving_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     original = scenario(f"{MOVES[0]},{MOVES[2]},{MOVES[1]}", "duration=20.0")
-    claims = [review.summary for review in reviews(original)]
+    claims = [review.summary for review in Review.of(original)]
     assert len(claims) == 2, "the shortest duration of a given law is no motion in minimum time"
     assert all("proven on" in claim for claim in claims)
 

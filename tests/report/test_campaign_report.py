@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cranectl.campaign.commands.results import replay_campaign
-from cranectl.campaign.evaluation import analyse, analysis_json
+from cranectl.campaign.evaluation import Analysis
 from cranectl.campaign.replay import chosen_rows
 from cranectl.campaign.report.page import campaign_page
 from cranectl.campaign.results import Results
@@ -65,7 +65,7 @@ def constant(*_: Any) -> dict[str, np.ndarray]:
 
 
 def page_of(results: Results) -> str:
-    return render(campaign_page(analyse(results), "cranectl campaign report x"))
+    return render(campaign_page(Analysis.of(results), "cranectl campaign report x"))
 
 
 def sections(page: str) -> list[str]:
@@ -108,11 +108,11 @@ def test_whatever_the_runs_were_like_there_is_a_page(
     uncertain: dict[str, Any], changes: dict[str, Any], metrics: Any, without: str
 ) -> None:
     """Warnings of NumPy, SciPy and Matplotlib are errors here."""
-    analysis = analyse(synthetic_results(campaign(uncertain, **(BOTH | changes)), metrics))
+    analysis = Analysis.of(synthetic_results(campaign(uncertain, **(BOTH | changes)), metrics))
     page = render(campaign_page(analysis, "made"))
     assert sections(page) == [name for name in EVERYTHING if name not in without.split(", ")]
     assert "nan" not in re.sub(r"<[^>]*>", "", page.lower().replace("analytic", "")).split()
-    assert json.dumps(analysis_json(analysis))
+    assert json.dumps(Analysis.json(analysis))
 
 
 def test_too_few_base_points_for_sobol_indices_are_told() -> None:
@@ -173,7 +173,7 @@ def test_every_replay_command_is_one_that_works(usual: tuple[Results, str]) -> N
 
 def test_figures_in_the_page_are_those_of_the_analysis(usual: tuple[Results, str]) -> None:
     results, page = usual
-    analysis = analyse(results)
+    analysis = Analysis.of(results)
     for part in analysis.groups:
         assert f">{part.summary.q95_max_error_m:.3g}<" in page
     for pair in analysis.plants:

@@ -8,7 +8,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
 from cranectl.planning import load_scenario
-from cranectl.report.run.differences import settings_table, versions_table, what_differs, what_was_run
+from cranectl.report.run.differences import LogTables
 from cranectl.report.table import Table
 from cranectl.scenario.load import default_scenario
 from cranectl.simulate import Run, simulate_run
@@ -46,21 +46,21 @@ def test_every_setting_that_is_not_the_default_is_named() -> None:
 
 def test_what_differs_is_named_and_nothing_else() -> None:
     two = logs("rig.load_mass=3", "controller=lqr")
-    table = what_differs(two)
+    table = LogTables.what_differs(two)
     assert table is not None
     assert table.headings == ("", "a", "b")
     assert rows(table) == {"rig.load_mass": ["1", "3"], "controller": ["pole-placement", "lqr"]}
-    assert rows(what_was_run(two))["controller"] == ["pole-placement", "lqr"]
-    made = versions_table(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2", "drake": "3"}})
+    assert rows(LogTables.what_was_run(two))["controller"] == ["pole-placement", "lqr"]
+    made = LogTables.versions(two, {"a": {"cranectl": "1"}, "b": {"cranectl": "2", "drake": "3"}})
     assert rows(made) == {"cranectl": ["1", "2"], "drake": ["–", "3"]}
-    settings = settings_table(two)
+    settings = LogTables.settings(two)
     assert not settings.folded
     assert rows(settings)["rig.load_mass"] == ["default", "3"]
     assert rows(settings)["workspace.on_exit"] == ["record", "record"], "not the default in either"
-    assert what_differs(logs()) is None
-    assert what_differs({"a": two["a"]}) is None
+    assert LogTables.what_differs(logs()) is None
+    assert LogTables.what_differs({"a": two["a"]}) is None
     crane = load_scenario("ship-to-shore", overrides=[*OVERRIDES, "reference.segments=[]"])
-    settings = settings_table({"crane": {"analytic": simulate_run(crane, plant="analytic")}})
+    settings = LogTables.settings({"crane": {"analytic": simulate_run(crane, plant="analytic")}})
     assert settings.folded, "the many numbers of a rig of its own"
     assert settings.title == f"Settings that are not the default: {len(settings.rows)}"
 
@@ -73,7 +73,7 @@ def test_numbers_that_nobody_stated_for_a_crane_are_marked() -> None:
     for label, overrides in (("a", changes), ("b", [*changes, stated])):
         scenario = load_scenario("fixed-position", rig="own.toml", overrides=overrides)
         logs[label] = {"mujoco": simulate_run(scenario, plant="mujoco", drive="velocity")}
-    table = settings_table(logs)
+    table = LogTables.settings(logs)
     settings = rows(table)
     assert settings["effects.limits.velocity"] == ["[3.27, 3.27, 1.96] (assumed)", "[0.5, 0.5, 0.25]"]
     assert settings["effects.limits.acceleration"] == ["[4, 4, 6] (assumed)"] * 2
@@ -82,7 +82,7 @@ def test_numbers_that_nobody_stated_for_a_crane_are_marked() -> None:
     assert settings["rig.load_mass"] == ["10000"] * 2
     assert "scaled from the laboratory rig" in table.note
     laboratory = load_scenario("fixed-position", overrides=[*OVERRIDES, "effects.limits={}"])
-    table = settings_table({"": {"mujoco": simulate_run(laboratory, plant="mujoco", drive="velocity")}})
+    table = LogTables.settings({"": {"mujoco": simulate_run(laboratory, plant="mujoco", drive="velocity")}})
     assert "assumed" not in f"{rows(table)} {table.note}", "the laboratory rig has the defaults"
 
 
@@ -90,13 +90,13 @@ def test_parameters_of_one_law_are_told_like_settings() -> None:
     pid = "controller.name='pid'"
     two = logs() | {"b": logs(pid, "controller.pid.proportional=30")["b"], "c": logs(pid)["b"]}
     same = {label: two[label] for label in ("b", "c")}
-    table = what_differs(same)
+    table = LogTables.what_differs(same)
     assert table is not None
     default = str(same["c"]["analytic"].design.to_json()["parameters"]["proportional"])
     assert rows(table) == {"controller.pid.proportional": ["30", default.removesuffix(".0")]}
-    settings = settings_table(same)
+    settings = LogTables.settings(same)
     assert rows(settings)["controller.pid.proportional"] == ["30", "default"]
-    table = what_differs(two)
+    table = LogTables.what_differs(two)
     assert table is not None
     assert list(rows(table)) == ["controller"], "of different laws there is nothing to compare"
 

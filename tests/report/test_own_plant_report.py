@@ -7,7 +7,7 @@ import pytest
 
 from cranectl.planning import load_scenario
 from cranectl.report.page import FirstScreen
-from cranectl.report.run.page import log_page
+from cranectl.report.run.page import LogPage
 from cranectl.simulate import Run, simulate_run
 from cranectl.tools.render.draw import draw_worst_moment
 from tests.plants.own_models import MODELS, RIGS, UNDISTURBED
@@ -31,7 +31,7 @@ def shifted(run: Run, time: float) -> Run:
 
 
 def first_screen(runs: dict[str, Run]) -> FirstScreen:
-    screen = log_page({"a": runs}, "again", worst={"a": draw_worst_moment(runs)}).first_screen
+    screen = LogPage.of({"a": runs}, "again", worst={"a": draw_worst_moment(runs)}).first_screen
     assert screen is not None
     return screen
 

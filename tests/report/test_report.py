@@ -19,12 +19,12 @@ from cranectl.log.writer import write_log
 from cranectl.metrics import run_metrics
 from cranectl.metrics.limits import LimitVerdict
 from cranectl.planning import load_scenario
-from cranectl.report.page import Figure, Page, Section, render, write_figures
-from cranectl.report.run.figures import FAMILIES, Family, RunCurve, largest_difference
+from cranectl.report.page import Figure, Page, Section, render
+from cranectl.report.run.figures import Family, RunCurve
 from cranectl.report.run.first_screen import first_screen_of
-from cranectl.report.run.page import agreement, caption, log_page
+from cranectl.report.run.page import LogPage
 from cranectl.report.table import Cell, Table
-from cranectl.report.theme import STAND_IN
+from cranectl.report.theme import Chart
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run, simulate_run
 from cranectl.status import RunStatus
@@ -86,7 +86,7 @@ def read_page(html: str) -> Reader:
     assert reader.tags["script"] == 1
     assert not re.search(r"\b(fetch|import|XMLHttpRequest|eval)\b|https?://(?!www\.w3\.org/)", html)
     assert "@import" not in html
-    assert not [stand_in for stand_in in STAND_IN.values() if stand_in in html]
+    assert not [stand_in for stand_in in Chart.STAND_IN.values() if stand_in in html]
     return reader
 
 
@@ -106,7 +106,7 @@ def runs() -> dict[str, Run]:
 
 
 # Families of figures of simulated runs, and the groups that only measured and predicted runs have.
-SIMULATED = [name for name, family in FAMILIES.items() if family.group not in ("axes", "residual")]
+SIMULATED = [name for name, family in Family.ALL.items() if family.group not in ("axes", "residual")]
 MEASURED_GROUPS = {
     "axes": SignalGroup.measured("", angles=False, load=False),
     "residual": (SignalGroup.RESIDUAL,),
@@ -115,7 +115,7 @@ MEASURED_GROUPS = {
 
 def with_signals(name: str, runs: dict[str, Run]) -> dict[str, Run]:
     """The runs, with the groups of signals that the family of figures shows."""
-    if (groups := MEASURED_GROUPS.get(FAMILIES[name].group)) is None:
+    if (groups := MEASURED_GROUPS.get(Family.ALL[name].group)) is None:
         return runs
     width = sum(map(len, groups))
     return {
@@ -128,11 +128,11 @@ def family_svg(family: Family, curves: list[RunCurve]) -> str:
     return Figure.drawn(family.title, "", family.draw, family, curves).svg
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", Family.ALL)
 def test_a_figure_shows_all_plants_in_colours_of_the_page_and_is_the_same_each_time(
     name: str, runs: dict[str, Run]
 ) -> None:
-    family, runs = FAMILIES[name], with_signals(name, runs)
+    family, runs = Family.ALL[name], with_signals(name, runs)
     svg = family_svg(family, curves(runs))
     ElementTree.fromstring(svg)
     assert set(re.findall(r"(?:fill|stroke): ([^;\"]+)", svg)) <= {
@@ -149,32 +149,32 @@ def test_a_figure_shows_all_plants_in_colours_of_the_page_and_is_the_same_each_t
         assert len(lines) == 2 * len(family.panels) + 1, "both plants in each panel, and the legend"
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", Family.ALL)
 def test_the_difference_that_a_figure_states_is_that_of_its_curves(name: str, runs: dict[str, Run]) -> None:
-    family, run = FAMILIES[name], with_signals(name, runs)["mujoco"]
-    assert largest_difference(family, run, run) == 0.0
+    family, run = Family.ALL[name], with_signals(name, runs)["mujoco"]
+    assert family.largest_difference(run, run) == 0.0
     moved = replace(run, table=run.table + 0.5)
     size = {"°": 180.0 / np.pi, "mm": 1e3}.get(family.panels[0].unit, 1.0)
     if name != "relative-path":  # load and trolley move together
-        assert largest_difference(family, run, moved) == pytest.approx(0.5 * size)
-    apart = agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
+        assert family.largest_difference(run, moved) == pytest.approx(0.5 * size)
+    apart = LogPage.agreement(family, [(run, run), (run, replace(run, table=2.0 * run.table))], "apart by")
     assert re.fullmatch(r"apart by [\d.]+\D*", apart.replace("\N{NO-BREAK SPACE}", " ")), apart
     assert family.panels[0].unit in apart
-    small = agreement(family, [(run, replace(run, table=run.table * (1.0 + 1e-14)))], "apart by")
+    small = LogPage.agreement(family, [(run, replace(run, table=run.table * (1.0 + 1e-14)))], "apart by")
     expected = {"°": "rad", "mm": "m"}.get(family.panels[0].unit, family.panels[0].unit)
     assert small.replace("\N{NO-BREAK SPACE}", " ") == f"apart by < 1 n{expected}"
 
 
 def test_limits_are_drawn_where_the_run_comes_near_them(runs: dict[str, Run]) -> None:
-    assert "end of the rig" not in family_svg(FAMILIES["trolley"], curves(runs))
+    assert "end of the rig" not in family_svg(Family.ALL["trolley"], curves(runs))
     far = {"mujoco": closed_loop("settled-trajectory", "pole-placement", "mujoco")}
-    assert "end of the rig" in family_svg(FAMILIES["trolley"], curves(far))
+    assert "end of the rig" in family_svg(Family.ALL["trolley"], curves(far))
 
 
-@pytest.mark.parametrize("name", [name for name in FAMILIES if name != "space"])
+@pytest.mark.parametrize("name", [name for name in Family.ALL if name != "space"])
 def test_rounding_is_a_flat_line_and_a_nanometre_is_not(name: str, runs: dict[str, Run]) -> None:
     """Whatever the plants differ in can be seen; what only rounding moves has the axis of a constant."""
-    family, run = FAMILIES[name], with_signals(name, runs)["mujoco"]
+    family, run = Family.ALL[name], with_signals(name, runs)["mujoco"]
     wave = np.sin(np.arange(run.table.size)).reshape(run.table.shape)
     for level, size, flat in ((0.0, 1e-13, True), (0.7, 1e-13, True), (0.7, 1e-9, False)):
         moved = replace(run, table=level + size * wave, reference=level + 0.0 * run.reference)
@@ -185,7 +185,7 @@ def test_rounding_is_a_flat_line_and_a_nanometre_is_not(name: str, runs: dict[st
 
 
 def said(name: str, **runs: Run) -> str:
-    return caption(FAMILIES[name], runs).replace("\N{NO-BREAK SPACE}", " ")
+    return LogPage.caption(Family.ALL[name], runs).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_sentences_say_what_the_run_did() -> None:
@@ -283,7 +283,7 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
     log = {run.plant: run for run in ended}
     back = read_log(write_log(tmp_path / "a.mcap", ended))
     assert np.array_equal(back["mujoco"].table[-1], log["mujoco"].table[-1], equal_nan=True)
-    page = read_page(render(log_page({"a": back, "b": {"mujoco": back["mujoco"]}}, "")))
+    page = read_page(render(LogPage.of({"a": back, "b": {"mujoco": back["mujoco"]}}, "")))
     assert "engine-warning" in page.text
     assert re.search(r"Load off its reference at the end: (nan|inf)\sm", page.text)
     assert "FAIL" in page.text
@@ -292,9 +292,9 @@ def test_a_run_whose_last_sample_holds_what_stopped_it_is_logged_and_reported(
 
 def test_report_of_a_run_without_a_sample(runs: dict[str, Run]) -> None:
     run, empty = runs["mujoco"], cut(runs["mujoco"], 0)
-    page = read_page(render(log_page({"a": {"analytic": empty, "mujoco": empty}}, "")))
+    page = read_page(render(LogPage.of({"a": {"analytic": empty, "mujoco": empty}}, "")))
     assert page.tags["figure"] == 0
-    half = read_page(render(log_page({"a": {"analytic": empty, "mujoco": run}}, "")))
+    half = read_page(render(LogPage.of({"a": {"analytic": empty, "mujoco": run}}, "")))
     assert half.tags["figure"] == len(SIMULATED)
 
 
@@ -346,7 +346,7 @@ def test_figures_of_equal_titles_have_files_of_their_own() -> None:
         Section("a", "A", figures=(figure, figure)),
         Section("b", "B", figures=(replace(figure, number="5.1"),)),
     )
-    assert write_figures(Page("", "", sections, ""), Path()) == 3
+    assert Page("", "", sections, "").write_figures(Path()) == 3
     assert sorted(path.name for path in Path().iterdir()) == ["5.1-a-b.svg", "a-b-2.svg", "a-b.svg"]
     assert '<g fill="none"/>' in Path("a-b.svg").read_text()
 

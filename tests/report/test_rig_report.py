@@ -16,9 +16,7 @@ from cranectl.status import RunStatus
 from cranectl.tools.robustness.ladder import LevelResult, Size, evaluate_levels
 from cranectl.tools.robustness.levels import NAMES
 from cranectl.tools.robustness.report.page import deviation_dots
-from cranectl.tools.robustness.report.tables import (
-    ladder_table,
-)
+from cranectl.tools.robustness.report.tables import LadderTables
 from tests.report.test_report import read_page
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory")
@@ -72,7 +70,7 @@ def cells(table: Table, label: str) -> dict[str, tuple[str, str]]:
 
 
 def test_ladder(steps: list[LevelResult]) -> None:
-    table = ladder_table(steps)
+    table = LadderTables.differences(steps)
     for step in steps:
         row = cells(table, step.level.name)
         assert row["ended"] == ("completed", "good")
@@ -82,10 +80,12 @@ def test_ladder(steps: list[LevelResult]) -> None:
     assert any(step.cumulative for step in steps)
     last = steps[-1]
     stopped = replace(last.run, status=RunStatus.SLACK_ROPE, end_ns=250_000_000)
-    row = cells(ladder_table([replace(last, run=stopped, metrics=None)]), last.level.name)
+    row = cells(LadderTables.differences([replace(last, run=stopped, metrics=None)]), last.level.name)
     assert row["ended"] == ("slack-rope at 0.25 s", "bad")
     assert row["error [mm] max"] == ("–", "")
-    row = cells(ladder_table([replace(last, alone=LARGE, alone_status="slack-rope")]), last.level.name)
+    row = cells(
+        LadderTables.differences([replace(last, alone=LARGE, alone_status="slack-rope")]), last.level.name
+    )
     assert (row["alone [mm] RMS"], row["alone [mm] max"]) == (("slack-rope", "bad"), ("", ""))
 
 
@@ -94,6 +94,6 @@ def test_a_file_takes_the_widest_table_whole(steps: list[LevelResult]) -> None:
     last = replace(steps[-1], cumulative=small, alone=small)
     stopped = replace(last.run, status=RunStatus.WORKSPACE_LEFT, end_ns=12_345_000_000)
     longest = replace(last.level, name=max(NAMES, key=len))
-    table = screen_table(ladder_table([last, replace(last, run=stopped, level=longest)]))
+    table = screen_table(LadderTables.differences([last, replace(last, run=stopped, level=longest)]))
     screen = Console(width=1000)
     assert screen.measure(table).maximum <= FILE_WIDTH

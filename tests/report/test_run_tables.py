@@ -9,13 +9,7 @@ import pytest
 from cranectl.cases.case import RunSummary
 from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
-from cranectl.report.run.tables import (
-    agreement_summary,
-    agreement_table,
-    limit_notes,
-    limits_table,
-    run_table,
-)
+from cranectl.report.run.tables import RunTables
 from cranectl.report.table import Cell
 from cranectl.status import RunStatus
 
@@ -29,7 +23,7 @@ def texts(cells: tuple[Cell, ...]) -> list[str]:
 
 def test_what_runs_share_stands_in_the_title() -> None:
     stopped = replace(RUN, plant="mujoco", status=RunStatus.SLACK_ROPE, end_s=1.25)
-    table = run_table({"a": [RUN, stopped]})
+    table = RunTables.runs({"a": [RUN, stopped]})
     assert table.title == "Runs, fast, lqr, ideal drives"
     assert table.headings[:3] == ("plant", "ended", "at [s]")
     assert [texts(row)[:3] for row in table.rows] == [
@@ -48,7 +42,7 @@ def test_what_runs_share_stands_in_the_title() -> None:
     ],
 )
 def test_what_tells_runs_apart_has_a_column(heading: str, other: RunSummary, text: str) -> None:
-    table = run_table({"a": [RUN], "b": [other]})
+    table = RunTables.runs({"a": [RUN], "b": [other]})
     assert table.headings[: table.labels] == ("log", heading, "plant", "ended")
     assert [row[0].text for row in table.rows] == ["a", "b"]
     assert table.rows[1][1].text == text
@@ -59,7 +53,7 @@ def test_what_tells_runs_apart_has_a_column(heading: str, other: RunSummary, tex
 def test_agreement_has_a_row_for_each_controller_below_its_scenario() -> None:
     velocity = replace(GOOD, drive="velocity", max_load_error_m=2e-7, passed=False)
     other = replace(GOOD, scenario="slow", controller="pid")
-    table = agreement_table([GOOD, velocity, other], ["", "limits broken", ""])
+    table = RunTables.agreement([GOOD, velocity, other], ["", "limits broken", ""])
     assert [texts(row)[0] for row in table.rows] == ["fast", " lqr", "slow", " pid"]
     assert [row[0].mark for row in table.rows] == ["head", "", "head", ""]
     assert {len(row) for row in table.rows} == {len(table.headings)} == {7}
@@ -73,33 +67,33 @@ def test_agreement_has_a_row_for_each_controller_below_its_scenario() -> None:
 
 def test_limits_of_their_own_stand_beside_the_numbers() -> None:
     other = replace(GOOD, scenario="slow", limit_m=1e-3, limit_rad=1e-3)
-    table = agreement_table([GOOD, other])
+    table = RunTables.agreement([GOOD, other])
     assert table.headings[1] == "ideal\nload [m]"
     assert [table.rows[k][1].text for k in (1, 3)] == ["1.0e-09 < 1.0e-07", "1.0e-09 < 1.0e-03"]
 
 
 def test_a_verdict_names_the_drives_that_are_judged() -> None:
     unjudged = replace(GOOD, drive="velocity", limit_m=None, limit_rad=None, passed=None)
-    assert agreement_table([unjudged]).rows[1][-1] == Cell("not judged", "open")
-    assert agreement_table([GOOD, unjudged]).rows[1][-1] == Cell("yes (ideal)", "good")
-    assert agreement_table([replace(GOOD, passed=False), unjudged]).rows[1][-1] == Cell("NO", "bad")
+    assert RunTables.agreement([unjudged]).rows[1][-1] == Cell("not judged", "open")
+    assert RunTables.agreement([GOOD, unjudged]).rows[1][-1] == Cell("yes (ideal)", "good")
+    assert RunTables.agreement([replace(GOOD, passed=False), unjudged]).rows[1][-1] == Cell("NO", "bad")
 
 
 def test_limits_are_told_once_a_case() -> None:
     kept = LimitVerdict("max_sway_rad", 0.03, 0.1, kept=True)
     broken = LimitVerdict("overshoot_m", None, 0.1, kept=False)
     judged = replace(RUN, limits=(kept, broken))
-    table = limits_table([[judged, RUN]])
+    table = RunTables.limits([[judged, RUN]])
     assert table is not None
     assert [texts(row) for row in table.rows] == [
         ["analytic", "max_sway_rad", "0.03", "≤ 0.1", "rad", "yes"],
         ["analytic", "overshoot_m", "–", "≤ 0.1", "m", "NO"],
     ]
     assert table.note == "1 of 2 limits kept."
-    assert limits_table([[RUN]]) is None
+    assert RunTables.limits([[RUN]]) is None
     others = [replace(judged, plant=plant) for plant in ("elastic", "mujoco")]
     for cases, note in (([[judged, *others]], "1 of 2"), ([[judged, *others], [judged]], "2 of 4")):
-        table = limits_table(cases)
+        table = RunTables.limits(cases)
         assert table is not None
         assert table.note == f"{note} limits kept."
         assert [row[0].text for row in table.rows[:2]] == ["mujoco"] * 2, "that is the reference plant"
@@ -110,7 +104,7 @@ def test_of_many_broken_limits_the_worst_are_told() -> None:
     verdicts = [LimitVerdict(name, value, 0.1, kept=False) for name, value in values.items()]
     kept = LimitVerdict("max_error_m", 0.03, 0.1, kept=True)
     good = replace(RUN, controller="pid", limits=(kept,))
-    table = limits_table([[good], [replace(RUN, limits=(kept, *verdicts))]], worst=3)
+    table = RunTables.limits([[good], [replace(RUN, limits=(kept, *verdicts))]], worst=3)
     assert table is not None
     assert [row[0].text for row in table.rows] == ["fast, lqr, ideal"] * 3
     assert [row[2].text for row in table.rows] == ["overshoot_m", "min_rope_tension_n", "max_sway_rad"]
@@ -119,32 +113,34 @@ def test_of_many_broken_limits_the_worst_are_told() -> None:
 
 def test_of_many_scenarios_without_limits_a_few_are_named() -> None:
     unjudged = [replace(GOOD, scenario=f"s{k}", passed=None, limits="nobody knows") for k in range(30)]
-    assert limit_notes(unjudged) == ["s0, s1, s2 and 27 more, ideal drives: not judged: nobody knows"]
-    assert limit_notes(unjudged[:3]) == ["s0, s1, s2, ideal drives: not judged: nobody knows"]
+    assert RunTables.limit_notes(unjudged) == [
+        "s0, s1, s2 and 27 more, ideal drives: not judged: nobody knows"
+    ]
+    assert RunTables.limit_notes(unjudged[:3]) == ["s0, s1, s2, ideal drives: not judged: nobody knows"]
 
 
 def test_a_summary_has_the_largest_differences_of_a_scenario() -> None:
     worse = replace(GOOD, controller="pid", max_load_error_m=3e-8, max_angle_error_rad=5e-10)
     velocity = replace(GOOD, drive="velocity", max_load_error_m=2e-9)
-    table = agreement_summary([GOOD, worse, velocity])
+    table = RunTables.agreement_summary([GOOD, worse, velocity])
     (row,) = table.rows
     assert [cell.text for cell in row][:2] == [GOOD.scenario, "3.0e-08"]
     assert row[-1] == Cell("yes", "good")
     failed = replace(GOOD, controller="pid", max_load_error_m=1.0, passed=False)
-    (row,) = agreement_summary([GOOD, failed, velocity]).rows
+    (row,) = RunTables.agreement_summary([GOOD, failed, velocity]).rows
     assert row[1] == Cell("1.0e+00", "bad")
     assert row[-1] == Cell("NO (1 of 3)", "bad")
     unjudged = replace(velocity, passed=None, limit_m=None, limit_rad=None)
-    assert agreement_summary([GOOD, unjudged]).rows[0][-1] == Cell("yes (ideal)", "good")
-    assert agreement_summary([unjudged, velocity]).rows[0][-1] == Cell("yes", "good")
+    assert RunTables.agreement_summary([GOOD, unjudged]).rows[0][-1] == Cell("yes (ideal)", "good")
+    assert RunTables.agreement_summary([unjudged, velocity]).rows[0][-1] == Cell("yes", "good")
     own = replace(unjudged, plant="mine", max_load_error_m=9e-3)
-    beside = agreement_summary([velocity, own])
+    beside = RunTables.agreement_summary([velocity, own])
     assert [row[0].text for row in beside.rows] == [velocity.scenario, f"{velocity.scenario}, mine"]
     assert [row[-1].text for row in beside.rows] == ["yes", "not judged"]
     assert beside.rows[1][1].text == "9.0e-03"
-    assert beside.headings[1].endswith(agreement_summary([velocity]).headings[1])
+    assert beside.headings[1].endswith(RunTables.agreement_summary([velocity]).headings[1])
     slow = replace(GOOD, scenario="slow")
-    broken = agreement_summary([GOOD, GOOD, slow], ["limits broken"] * 2 + [""])
+    broken = RunTables.agreement_summary([GOOD, GOOD, slow], ["limits broken"] * 2 + [""])
     assert [row[-1] for row in broken.rows] == [Cell("limits broken", "bad"), Cell("")]
     lost = replace(failed, max_load_error_m=nan)
-    assert agreement_summary([lost, failed]).rows[0][1].mark == "bad"
+    assert RunTables.agreement_summary([lost, failed]).rows[0][1].mark == "bad"

@@ -15,7 +15,7 @@ from cranectl.compare.agreement import Agreement
 from cranectl.metrics.limits import LimitVerdict
 from cranectl.planning import load_scenario
 from cranectl.report.page import Page, render
-from cranectl.report.validation import causes, scenario_verdicts, validation_page, worst_logs
+from cranectl.report.validation import ValidationPage, causes, scenario_verdicts
 from cranectl.report.validation_input import motion_text
 from cranectl.status import RunStatus
 from cranectl.support.errors import InputError
@@ -45,7 +45,7 @@ def validation(*outcomes: tuple[Case, CaseResult | Failure], **unloaded: Failure
 
 
 def page_of(made: Validation) -> tuple[Page, str]:
-    page = validation_page(made, ["--set", "rig.load_mass=2"], "cranectl validate")
+    page = ValidationPage.of(made, ["--set", "rig.load_mass=2"], "cranectl validate")
     return page, read_page(render(page)).text
 
 
@@ -133,7 +133,7 @@ def test_the_worst_scenario_is_first_and_each_has_a_command() -> None:
     assert titles[:3] == ["FAIL: ship-to-shore", "PASS: workshop-move", "Cases"]
     assert "1 of 2 scenarios fails. ship-to-shore: Largest tracking error" in text
     assert "1 of 3 cases fail" in text
-    assert worst_logs(made) == {"ship-to-shore": Path("logs/any.mcap")}
+    assert ValidationPage.worst_logs(made) == {"ship-to-shore": Path("logs/any.mcap")}
     assert "cranectl report logs/any.mcap" in text
     again = "cranectl run workshop-move --controller lqr --drive ideal --plants analytic,elastic,mujoco"
     assert f"{again} --set rig.load_mass=2" in text

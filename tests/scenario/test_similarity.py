@@ -8,7 +8,7 @@ import pytest
 from cranectl.cli.main import main
 from cranectl.controllers.registry import ALL_CONTROLLERS, WHERE
 from cranectl.planning import load_scenario
-from cranectl.scenario.load import default_scenario, load_rig, rig_names
+from cranectl.scenario.load import RigFile, default_scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.similarity import ROPE_BOUNDS
 from cranectl.simulate import simulate_run
@@ -71,14 +71,14 @@ def test_a_larger_crane_moves_as_the_laboratory_s_slower(tmp_path: Path) -> None
 
 
 def test_the_rig_of_the_laboratory_is_the_default() -> None:
-    assert load_rig("lab-rig") == RigParameters()
-    assert {"lab-rig", "bridge-crane", "harbour-crane"} <= set(rig_names())
+    assert RigFile.load("lab-rig") == RigParameters()
+    assert {"lab-rig", "bridge-crane", "harbour-crane"} <= set(RigFile.names())
 
 
 @pytest.mark.parametrize("name", ["bridge-crane", "harbour-crane"])
 def test_shipped_cranes_hold_their_load_with_what_they_have(name: str) -> None:
     """With all effects and its own numbers the winch lifts the load, and the rope is strong enough."""
-    rig = load_rig(name)
+    rig = RigFile.load(name)
     assert 1.3 * rig.weight < rig.effects.limits.force[2] < 4.0 * rig.weight
     assert rig.weight / rig.effects.rope.stiffness < 0.005
     assert rig.rated_load == rig.load_mass
@@ -113,7 +113,7 @@ def test_effects_take_the_numbers_of_their_rig() -> None:
         "reference.start=[10.0,10.0,-20.0]", *stated]).effects  # fmt: skip
     assert effects.rope is not None
     assert (effects.rope.stiffness, effects.rope.damping_ratio) == (1.5e8, 0.3)
-    assert effects.frame == load_rig("harbour-crane").effects.frame
+    assert effects.frame == RigFile.load("harbour-crane").effects.frame
     assert effects.wind is None
 
 
@@ -143,8 +143,8 @@ def test_a_rated_load_in_tonnes_is_doubted(capsys: pytest.CaptureFixture[str]) -
         output = capsys.readouterr().err
         assert ("bridge and trolley weigh 100000 kg: check that all are in kg" in output) == is_warned
         assert output.count("rated_load") == is_warned
-    for name in rig_names():
-        assert load_rig(name).mass_warning == ""
+    for name in RigFile.names():
+        assert RigFile.load(name).mass_warning == ""
     assert "weigh 8.5 kg" in RigParameters(rated_load=1000.0).mass_warning
 
 
@@ -152,11 +152,11 @@ def test_a_rated_load_in_tonnes_is_doubted(capsys: pytest.CaptureFixture[str]) -
 def test_a_rope_to_which_nothing_can_be_scaled_is_named(tmp_path: Path, longest: float) -> None:
     (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {longest}]\n")
     with pytest.raises(InputError) as caught:
-        load_rig(tmp_path / "crane.toml")
+        RigFile.load(tmp_path / "crane.toml")
     assert caught.value.found == f"rig.rope_range ends at {longest:g} m"
     assert "0.05 to 1000 m" in caught.value.allowed
     (tmp_path / "crane.toml").write_text(f"rope_range = [0.01, {np.clip(longest, 0.05, 1000.0)}]\n")
-    assert load_rig(tmp_path / "crane.toml")
+    assert RigFile.load(tmp_path / "crane.toml")
 
 
 @pytest.mark.parametrize("longest", ROPE_BOUNDS)

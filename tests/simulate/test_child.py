@@ -11,7 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from cranectl.cli.controller_options import timeout_option
+from cranectl.cli.controller_options import ControllerName
 from cranectl.log.reader import read_log
 from cranectl.simulate.child import BLOCK_TIMEOUT, blocks_in_child
 from cranectl.support.children import Child
@@ -81,7 +81,7 @@ def test_what_a_controller_raises_cannot_act_on_a_terminal(capfd: pytest.Capture
 
 
 def test_the_command_line_waits_as_long_as_the_library() -> None:
-    command = click.command()(timeout_option(lambda timeout: timeout))
+    command = click.command()(ControllerName.timeout_option(lambda timeout: timeout))
     (option,) = (option for option in command.params if option.name == "timeout")
     assert option.default == BLOCK_TIMEOUT
     result = CliRunner().invoke(command, ["--timeout", "6"], standalone_mode=False)

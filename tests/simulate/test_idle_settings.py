@@ -23,7 +23,7 @@ from cranectl.plants.entry import PlantEntry
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS as PLANT_ENTRIES
 from cranectl.scenario import Scenario
-from cranectl.scenario.load import read_scenario
+from cranectl.scenario.load import ScenarioFile
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import simulate_run
 from cranectl.simulate.idle_settings import RunKind
@@ -171,7 +171,7 @@ def test_a_setting_changes_a_run_or_is_refused_or_reported(plant: str, drive: st
         except InputError as error:
             assert error.allowed or error.remedy  # noqa: PT017
             continue
-        read = read_scenario(SCENARIO, overrides=overrides)
+        read = ScenarioFile.read(SCENARIO, overrides=overrides)
         assumed: Any = find_idle_settings(scenario, read, [name], [RunKind(plant, drive, controller)])  # type: ignore[arg-type]
         assumed = assumed or scenario.idle_effects([name])
         if bool(assumed) == (after != before):
@@ -218,7 +218,7 @@ def test_every_setting_of_the_models_is_tried() -> None:
 
 def test_names_of_a_model_file_change_nothing_on_a_shipped_plant() -> None:
     name = "rig.plant.names.load"
-    read = read_scenario(SCENARIO, overrides=[*SHORT, f"{name}=hook"])
+    read = ScenarioFile.read(SCENARIO, overrides=[*SHORT, f"{name}=hook"])
     uses = [RunKind("mujoco", "ideal", "lqr")]
     assert find_idle_settings(read, read, [name], uses) == {
         "the MuJoCo plant is not from a model file": [name]

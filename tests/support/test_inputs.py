@@ -14,7 +14,7 @@ from cranectl.planning import load_scenario
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.support.files import File
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.table import BenchmarkTable
 from tests.pace import HANG
 
 FILE = """
@@ -54,7 +54,7 @@ def ended(call: Callable[[], object], pipe: Path) -> object:
         ("pipe.toml", lambda pipe: load_scenario("fixed-position", rig=str(pipe))),
         ("pipe.csv", lambda pipe: load_scenario(str(pipe.with_name("scenario.toml")))),
         ("pipe.mcap", read_log),
-        ("pipe.parquet", read_table),
+        ("pipe.parquet", BenchmarkTable.read),
         ("pipe.so", lambda pipe: open_controller(str(pipe))),
     ],
 )

@@ -183,5 +183,5 @@ def test_nothing_waits_for_a_thread_that_cannot_begin(monkeypatch: pytest.Monkey
     monkeypatch.setattr(_thread, "start_new_thread", lambda *_: 0)
     monkeypatch.setattr(threading, "_start_new_thread", lambda *_: pytest.fail("would wait for ever"))
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
-    with reported_when_slow("a file has been loading"), output.progress_bar(1.0, "run") as advance:
+    with reported_when_slow("a file has been loading"), output.Screen.progress_bar(1.0, "run") as advance:
         advance(1.0)

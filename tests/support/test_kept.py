@@ -23,7 +23,7 @@ import json, sys
 from pathlib import Path
 from cranectl.design import design_controller
 from cranectl.planning.plan import plan_segments
-from cranectl.scenario.load import read_scenario
+from cranectl.scenario.load import ScenarioFile
 import cranectl, importlib
 
 kept = importlib.import_module("cranectl.support.kept")
@@ -32,7 +32,7 @@ kept._stored = lambda kind, key, compute: compute()
 called, opened = set(), set()
 path = "reference.segments=[" + ",".join(sys.argv[1:]) + "]"
 base = ["disturbances=[]", "reference.start=[0.5,0.5,-0.7]", path]
-scenario = read_scenario("fixed-position", overrides=base)
+scenario = ScenarioFile.read("fixed-position", overrides=base)
 sys.addaudithook(lambda event, given: opened.add(str(given[0])) if event == "open" else None)
 sys.setprofile(lambda frame, event, given: called.add(frame.f_code.co_filename))
 plan_segments(scenario, Path())

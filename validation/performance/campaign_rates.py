@@ -18,7 +18,7 @@ import numpy as np
 
 from cranectl.campaign import Campaign, make_campaign
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.settings import parse_campaign
+from cranectl.campaign.settings import CampaignSettings
 from cranectl.campaign.worker import BLOCK, PreparedCampaign, Worker
 from cranectl.campaign.workers import run_batches
 from cranectl.design import design_controller
@@ -76,7 +76,7 @@ def campaign_of(controller: str, plant: str) -> Campaign:
         "name": "bench", "scenario": SCENARIO, "controllers": [controller], "plants": [plant],
         "drive": DRIVE, "runs": 256, "uncertain": UNCERTAIN,
     }  # fmt: skip
-    return make_campaign(parse_campaign(table, "bench"))
+    return make_campaign(CampaignSettings.parse(table, "bench"))
 
 
 class BareSteps:
@@ -236,7 +236,7 @@ def compare_other_implementations(repeats: int) -> list[Measurement]:
     controller = HEAVY[0]
     task = other.Task(controller)
     campaign = make_campaign(
-        parse_campaign(
+        CampaignSettings.parse(
             {
                 "name": "ways", "scenario": other.SCENARIO, "set": other.OVERRIDES, "drive": DRIVE,
                 "controllers": [controller], "plants": ["mujoco"], "runs": 8, "uncertain": UNCERTAIN,

@@ -24,7 +24,7 @@ from cranectl.simulate import Plan, PreparedController, simulate_run
 from cranectl.simulate.loops import write_measured
 from cranectl.support.jit import jit
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
-from cranectl.tools.benchmark.settings import benchmark_file, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark, benchmark_file
 from validation.performance.figures import Measurement, summarise
 
 BENCHMARK, SCENARIO, DRIVE = "literature", "hoist-and-go", "velocity"
@@ -118,7 +118,7 @@ class RepeatedRun:
 
 def measure_controllers(repeats: int) -> list[ControllerTime]:
     """Measure the time of all controllers of the benchmark, of `nmpc` and of `nothing`, fastest first."""
-    settings = read_benchmark(BENCHMARK)
+    settings = Benchmark.read(BENCHMARK)
     with tempfile.TemporaryDirectory() as folder:
         nmpc = settings.file.parent / "nmpc"
         library = build_library(nmpc / "nmpc.c", nmpc / "model.c", folder=Path(folder))

@@ -17,7 +17,7 @@ from pathlib import Path
 import foxglove
 from foxglove.mcap import MCAPWriteOptions
 
-from cranectl.cli.counts import available_cores
+from cranectl.cli.counts import Count
 from cranectl.design import CONTROLLERS, design_controller
 from cranectl.log.messages import streams
 from cranectl.log.reader import read_log, read_signal
@@ -152,7 +152,7 @@ def measure_validation() -> list[Measurement]:
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "cranectl", "validate"]
         seconds = time_call(lambda: subprocess.run(command, cwd=folder, check=True, capture_output=True))
-    return [summarise(f"`cranectl validate`, {available_cores()} cores", [seconds], "s", 90.0)]
+    return [summarise(f"`cranectl validate`, {Count.available_cores()} cores", [seconds], "s", 90.0)]
 
 
 PARTS = (

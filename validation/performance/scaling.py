@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.results import open_store
+from cranectl.campaign.results import Store
 from cranectl.campaign.table import read_part, write_part
 from cranectl.campaign.workers import run_batches
 from validation.performance.campaign_rates import HEAVY, MEMORY, RATE, RESULT, campaign_of
@@ -52,7 +52,7 @@ def measure_result_costs(repeats: int) -> list[Measurement]:
     ((_, (row,)),) = run_batches(campaign, [Batch("analytic", "lqr", 0, 1)])
     batch = Batch("analytic", "lqr", 0, PART_ROWS)
     rows = [row | {"sample": k} for k in range(PART_ROWS)]
-    with tempfile.TemporaryDirectory() as folder, open_store(campaign, Path(folder)) as store:
+    with tempfile.TemporaryDirectory() as folder, Store.open(campaign, Path(folder)) as store:
         path = Path(folder) / "part.parquet"
         times = time_alternately(
             {

@@ -26,9 +26,9 @@ from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.support.files import File
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from cranectl.tools.benchmark.trials import rules_of, stated_rules
-from cranectl.tools.benchmark.tuned import DEFAULT, tuned_facts
+from cranectl.tools.benchmark.tuned import DEFAULT, TunedResult
 
 SEED_DIGITS = 15  # hexadecimal; a seed is less than 2**63
 
@@ -50,7 +50,7 @@ def tune_missing(benchmark: Benchmark, *, only_check: bool) -> int:
     for argument in benchmark.laws:
         (name,) = measured_controllers(benchmark, [argument])
         try:
-            tuned_facts(folder, rules, name)
+            TunedResult.facts(folder, rules, name)
         except InputError as reason:
             print(reason)
             missing += only_check or main(["tune", argument, "--out", str(folder)]) != 0
@@ -68,7 +68,7 @@ def is_compiled_current(benchmark: Benchmark, compiled: Path | None) -> bool:
 
 def freeze(*, only_check: bool, compiled: Path | None = None) -> int:
     """Tune what is missing, and write the seed; return 1 if something is out of date."""
-    benchmark = read_benchmark(DEFAULT)
+    benchmark = Benchmark.read(DEFAULT)
     if tune_missing(benchmark, only_check=only_check):
         return 1
     if not is_compiled_current(benchmark, compiled):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from tests.tools.measured.hidden import hidden_numbers
@@ -40,7 +40,7 @@ class Crane(NamedTuple):
 
     def rig(self, folder: Path) -> RigParameters:
         """Return what its owner states of it, from a file that is written into `folder`."""
-        return load_rig(str(self.rig_file(folder, "rig")))
+        return RigFile.load(str(self.rig_file(folder, "rig")))
 
     def rig_file(self, folder: Path, name: str) -> Path:
         """Write the file of what its owner states of it."""

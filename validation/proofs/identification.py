@@ -34,10 +34,10 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.fit import Fit
 from cranectl.tools.measured.identification import identify
 from cranectl.tools.measured.verdict import (
     COVERED,
@@ -86,8 +86,8 @@ class Fitted:
         self.crane, self.k, self.has = crane, k, has
         self.common: dict[str, Any] = {"period": period, "swing": swing}
         path = crane.rig_file(folder, f"{name}-{k}")  # of this crane alone: others run at the same time
-        self.rig = load_rig(str(path))
-        if not fit_path(path).exists():
+        self.rig = RigFile.load(str(path))
+        if not Fit.path(path).exists():
             runs = [self.run(seed, **more)[0] for seed in range(FITTED)]
             result = identify(runs, self.rig)
             shown = {
@@ -96,8 +96,8 @@ class Fitted:
                 "estimates": {e.name: [e.value, e.half_width] for e in result.estimates},
             }
             path.with_suffix(".json").write_text(json.dumps(shown), encoding="utf-8")
-            fit_path(path).write_text(fit_text(result, runs), encoding="utf-8")
-        self.fit: Fit = read_fit(path)
+            Fit.path(path).write_text(Fit.text(result, runs), encoding="utf-8")
+        self.fit: Fit = Fit.read(path)
         self.facts: Row = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
 
     def run(self, seed: int, **more: Any) -> tuple[Run, Truth]:

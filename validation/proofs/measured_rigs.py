@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.fit import Fit
 from cranectl.tools.measured.identification import identify
 from cranectl.tools.measured.identified import rig_text
 from cranectl.tools.measured.importing import LogSource, import_runs, sources_of
-from cranectl.tools.measured.mapping import read_map
+from cranectl.tools.measured.mapping import MeasuredMap
 from cranectl.tools.measured.verdict import RunVerdict, answer_for, judge
 
 MAPS = Path(__file__).with_name("measured-rigs")
@@ -36,7 +36,7 @@ HALVES = (0, 1)
 
 def imported_runs(rig: str, directory: Path) -> dict[str, Run]:
     """Return the runs of a rig by name, in the order of their files; a sheet of a workbook is a run."""
-    mapping = read_map(MAPS / f"{rig}-map.toml")
+    mapping = MeasuredMap.read(MAPS / f"{rig}-map.toml")
     sources: list[LogSource] = []
     for pattern in RUNS[rig]:
         (path,) = directory.glob(pattern)
@@ -51,11 +51,11 @@ def half_results(rig: str, runs: Mapping[str, Run], half: int, scratch: Path) ->
     names = list(runs)
     used, new = names[half::2], {name: runs[name] for name in names[1 - half :: 2]}
     known, fitted = MAPS / f"{rig}.toml", [runs[name] for name in used]
-    result = identify(fitted, load_rig(str(known)), replay="motion", progress=print)
+    result = identify(fitted, RigFile.load(str(known)), replay="motion", progress=print)
     identified = scratch / f"{rig}-{half}.toml"
     identified.write_text(rig_text(result, str(known), ", ".join(used)), encoding="utf-8")
-    fit_path(identified).write_text(fit_text(result, fitted), encoding="utf-8")
-    fit = read_fit(identified)
+    Fit.path(identified).write_text(Fit.text(result, fitted), encoding="utf-8")
+    fit = Fit.read(identified)
     verdicts = judged_runs(new, fit)
     return {
         "numbers": {e.name: {"value": e.value, "half_width": e.half_width} for e in result.estimates},

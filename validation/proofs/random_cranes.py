@@ -23,7 +23,7 @@ from cranectl.cases import Pairwise
 from cranectl.cases.case import Case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import run_cases
-from cranectl.cli.counts import available_cores
+from cranectl.cli.counts import Count
 from cranectl.cli.output import Screen
 from cranectl.compare.agreement import Agreement, AgreementLimits, judge, pair_limits
 from cranectl.compare.runs import compare_runs
@@ -32,7 +32,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants import PLANTS
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.steps import PhysicsStep, longest_agreeing_step
-from cranectl.report.run.differences import pair_tables
+from cranectl.report.run.differences import DifferenceTables
 from cranectl.scenario import Scenario
 from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.run_settings import ControlSettings
@@ -235,8 +235,8 @@ def main() -> int:
     draw = random_rigs if options.rigid else random_cases
     generator = draw(options.seed, PLANTS.to_run(options.plants.split(",")))
     cases = tuple(itertools.islice(generator, options.cases))
-    validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
-    for table in pair_tables(Pairwise.of(validation)):
+    validation = Validation(cases, run_cases(cases, jobs=Count.available_cores()), {}, ())
+    for table in DifferenceTables.pairs(Pairwise.of(validation)):
         screen.print(table)
     failed, excuse = 0, "an unstable loop" if options.rigid else "it vanishes with the step"
     for case, result in validation.results:

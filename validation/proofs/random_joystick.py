@@ -16,7 +16,7 @@ import numpy as np
 from cranectl.cases.case import Case
 from cranectl.cases.validation import Validation
 from cranectl.cases.workers import run_cases
-from cranectl.cli.counts import available_cores
+from cranectl.cli.counts import Count
 from cranectl.cli.output import Screen
 from cranectl.model.flatness import states_and_inputs
 from cranectl.planning import load_scenario
@@ -108,7 +108,7 @@ def main() -> int:
     screen.print(f"largest used part of each limit: {parts}")
     failed = sum(max(usage.values()) > 1.0 + ALLOWED_EXCESS for usage in usages)
     cases = tuple(map(case_of, scenarios))
-    validation = Validation(cases, run_cases(cases, jobs=available_cores()), {}, ())
+    validation = Validation(cases, run_cases(cases, jobs=Count.available_cores()), {}, ())
     largest_difference = 0.0
     for case, result in validation.results:
         for pair in result.pairs:

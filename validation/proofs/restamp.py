@@ -31,27 +31,20 @@ import pyarrow
 from pyarrow import parquet
 
 from cranectl.campaign.definition import Batch
-from cranectl.campaign.manifest import software_of
+from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.worker import PreparedCampaign, Worker
-from cranectl.cli.controller_options import opened
+from cranectl.cli.controller_options import ControllerName
 from cranectl.controllers.registry import ALL_CONTROLLERS
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError
 from cranectl.support.files import File
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
-from cranectl.tools.benchmark.settings import read_benchmark
-from cranectl.tools.benchmark.table import (
-    BenchmarkTable,
-    Runs,
-    read_table,
-    round_metrics,
-    runs_of,
-    write_table,
-)
+from cranectl.tools.benchmark.settings import Benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable, Runs, round_metrics
 from cranectl.tools.benchmark.trials import Trial, campaign_of, rules_of
-from cranectl.tools.benchmark.tuned import DEFAULT, code_of, tuned_settings
+from cranectl.tools.benchmark.tuned import DEFAULT, TunedResult, code_of
 
-BENCHMARK = read_benchmark(DEFAULT)
+BENCHMARK = Benchmark.read(DEFAULT)
 TABLE = BENCHMARK.file.parent / "literature.parquet"
 NUMBERS = (
     BENCHMARK.file.parent / "tuned",
@@ -72,7 +65,7 @@ def sampled_rows(table: BenchmarkTable, controllers: Sequence[str], rows: int) -
 
 def run_again(trial: Trial, samples: range, rules: str, numbers: Path) -> Runs:
     """Run consecutive rows of the table again, with the tuned numbers in the directory `numbers`."""
-    settings = functools.partial(tuned_settings, numbers, rules)
+    settings = functools.partial(TunedResult.settings, numbers, rules)
     campaign = campaign_of(BENCHMARK, trial, tuned=settings)
     batch = Batch(trial.plant, trial.controller, samples.start, samples.stop)
     rows = Worker(PreparedCampaign(campaign)).run_batch(batch)
@@ -80,7 +73,7 @@ def run_again(trial: Trial, samples: range, rules: str, numbers: Path) -> Runs:
     def column(name: str) -> Any:  # a crane that cannot be simulated has no metrics
         return np.array([np.nan if row[name] is None else row[name] for row in rows])
 
-    return runs_of(column, campaign.settings.limits.given)
+    return Runs.of(column, campaign.settings.limits.given)
 
 
 def differences(runs: Runs, table: Runs, samples: range) -> dict[str, str]:
@@ -130,7 +123,7 @@ def about_with_software(about: Mapping[str, Any]) -> dict[str, Any]:
     """Return the facts of a table with the present software among those that made its runs."""
     present = {
         name: version
-        for name, version in software_of((BENCHMARK.plant, BENCHMARK.second_plant), ()).items()
+        for name, version in Manifest.software((BENCHMARK.plant, BENCHMARK.second_plant), ()).items()
         if not name.startswith("law ")
     }
     return {**about, "made_by": [*about["made_by"], *([present] if present not in about["made_by"] else [])]}
@@ -156,9 +149,9 @@ def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> in
     `files` are further controllers. If another row differs, it writes nothing and returns 1.
     """
     own = measured_controllers(BENCHMARK)
-    controllers = [*own, *map(opened, files)]
+    controllers = [*own, *map(ControllerName.open, files)]
     InputError.check_known("controller of the table", judged, controllers)
-    table, rules = read_table(TABLE), rules_of(BENCHMARK)
+    table, rules = BenchmarkTable.read(TABLE), rules_of(BENCHMARK)
     folders = {
         controller: next(folder for folder in NUMBERS if (folder / f"{controller}.toml").is_file())
         for controller in controllers
@@ -183,7 +176,7 @@ def restamp(rows: int, files: Sequence[str], judged: Collection[str] = ()) -> in
     known, digests = table.about["laws"], ALL_CONTROLLERS.digests(own)
     stamped = {name: known[name] | {"file": digests.get(f"law {name}", "")} for name in own}
     about = {**table.about, "rules": rules, "laws": known | stamped}
-    write_table(TABLE, BenchmarkTable(about, table.trials))
+    BenchmarkTable.write(TABLE, BenchmarkTable(about, table.trials))
     print(f"{count} rows of {len(others)} controllers are equal; new digests are written")
     return 0
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.campaign.commands.options import campaign_argument
-from cranectl.cli.command import Command, json_option
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.command import Command
+from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.campaign.definition import Campaign, UncertainParameter
@@ -17,7 +17,7 @@ QUANTILES = (0.05, 0.95)
 
 
 @click.command("list", cls=Command)
-@json_option
+@Command.json_option
 def list_campaigns(screen: Screen) -> None:
     """List the campaigns that come with cranectl.
 
@@ -26,13 +26,13 @@ def list_campaigns(screen: Screen) -> None:
     cranectl campaign list --json -
     """
     from cranectl.campaign.load import load_campaign
-    from cranectl.campaign.settings import campaign_names
-    from cranectl.report.table import Table, cells
+    from cranectl.campaign.settings import CampaignSettings
+    from cranectl.report.table import Cell, Table
 
-    campaigns = [load_campaign(name) for name in campaign_names()]
+    campaigns = [load_campaign(name) for name in CampaignSettings.shipped_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
-        cells(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
+        Cell.row(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
         for campaign, s in ((campaign, campaign.settings) for campaign in campaigns)
     )
     screen.print(Table("Campaigns", headings, rows, labels=3))
@@ -43,7 +43,7 @@ def list_campaigns(screen: Screen) -> None:
 @click.command("show", cls=Command)
 @campaign_argument
 @click.option("--no-estimate", is_flag=True, help="Do not run anything to say how long it takes.")
-@json_option
+@Command.json_option
 def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> None:
     """Say what is uncertain in CAMPAIGN, and how long it takes here.
 
@@ -53,18 +53,19 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     cranectl campaign show lab-rig
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
-    from cranectl.cli.idle import idle_in_campaign, print_idle
+    from cranectl.campaign.commands.options import idle_in_campaign
+    from cranectl.cli.idle import IdleSettings
 
     screen.print(_parameters_table(campaign))
     screen.print_each(_lines(campaign))
-    print_idle(screen, idle_in_campaign(campaign))
+    IdleSettings.print(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.workers import estimated_seconds
-        from cranectl.cli.counts import available_cores
+        from cranectl.cli.counts import Count
 
-        cores = available_cores()
-        with progress_bar(1.0, "running the nominal scenario", done="measured"):
+        cores = Count.available_cores()
+        with Screen.progress_bar(1.0, "running the nominal scenario", done="measured"):
             seconds = estimated_seconds(campaign, workers=cores)
         screen.print(f"time: about {duration(seconds)} on {cores} cores")
         facts |= {"estimated_s": seconds, "workers": cores}
@@ -80,11 +81,11 @@ def duration(seconds: float) -> str:
 
 def _parameters_table(campaign: "Campaign") -> "Table":
     from cranectl.campaign.table import describe
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(
-        cells(
+        Cell.row(
             parameter.name,
             describe(campaign, parameter.name).unit,
             parameter.distribution.distribution,

@@ -3,17 +3,20 @@
 import functools
 import json
 from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import output_option, plants_option
-from cranectl.cli.completion import complete_campaigns, complete_drives, complete_rigs
-from cranectl.cli.controller_options import controllers_option, opened, trust_option
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.completion import Completion
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.names import Names
 from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
+    from cranectl.campaign.definition import Campaign
     from cranectl.campaign.failures import AllowedFailures
 
 
@@ -32,14 +35,14 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
         metavar="N|N%",
         help="Exit code 1 if more runs with a controller on a plant fail: a number, or a share such as 5%.",
     )
-    @output_option(
+    @Command.output_option(
         "--junit",
         FileKind.XML,
         "With --max-failures: write JUnit XML, a test for each controller and plant.",
     )
     @functools.wraps(function)
     def command(*given: Any, max_failures: str | None, junit: Path | None, **options: Any) -> Any:
-        from cranectl.campaign.failures import allowed_failures
+        from cranectl.campaign.failures import AllowedFailures
 
         if junit is not None and max_failures is None:
             raise InputError(
@@ -47,7 +50,7 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
                 allowed="--junit with --max-failures",
                 remedy="add --max-failures 5%",
             )
-        allowed = None if max_failures is None else allowed_failures(max_failures)
+        allowed = None if max_failures is None else AllowedFailures.parse(max_failures)
         return function(*given, judgement=Judgement(allowed, junit), **options)
 
     return command
@@ -56,20 +59,20 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
 def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add CAMPAIGN and the options that replace fields of its file; the command gets the changed campaign."""
 
-    @click.argument("campaign", shell_complete=complete_campaigns)
+    @click.argument("campaign", shell_complete=Completion.campaigns)
     @click.option("--runs", type=int, metavar="N", help="Number of samples.")
-    @controllers_option("Default: the campaign's; repeatable, or names with commas.")
-    @plants_option("Default: the campaign's.", check="check_campaigns")
+    @ControllerName.repeated_option("Default: the campaign's; repeatable, or names with commas.")
+    @Names.plants_option("Default: the campaign's.", check="check_campaigns")
     @click.option(
         "--drive",
         metavar="NAME",
-        shell_complete=complete_drives,
+        shell_complete=Completion.drives,
         help="ideal, velocity or force. Default: the campaign's.",
     )
     @click.option(
         "--rig",
         metavar="NAME",
-        shell_complete=complete_rigs,
+        shell_complete=Completion.rigs,
         help="Name or TOML file of a rig. Default: the campaign's.",
     )
     @click.option("--seed", type=int, metavar="N", help="Other samples. Default: the campaign's.")
@@ -81,11 +84,11 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
         help="Override any field of the campaign (uncertain.rig.load_mass.low=0.8, limits.max_error_m=0.1) "
         "or of its scenario (duration=5); repeatable.",
     )
-    @trust_option("CAMPAIGN")
+    @ControllerName.trust_option("CAMPAIGN")
     @functools.wraps(function)
     def command(campaign: str, overrides: Sequence[str], trust: bool, **options: Any) -> Any:
         from cranectl.campaign.load import load_campaign
-        from cranectl.campaign.settings import CampaignSettings, campaign_file, read_campaign
+        from cranectl.campaign.settings import CampaignSettings
 
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
         fields = CampaignSettings.model_fields
@@ -100,11 +103,31 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
             key: options.pop(key) for key in ("runs", "controllers", "plants", "drive", "rig", "seed")
         }
         if trust and not replaced["controllers"]:
-            named, folder = read_campaign(campaign, overrides=own).controllers, campaign_file(campaign).parent
-            replaced["controllers"] = tuple(opened(name, folder) for name in named)
+            named, folder = (
+                CampaignSettings.read(campaign, overrides=own).controllers,
+                CampaignSettings.file_of(campaign).parent,
+            )
+            replaced["controllers"] = tuple(ControllerName.open(name, folder) for name in named)
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
-            own.append(f"set={to_toml([*read_campaign(campaign, overrides=own).set, *shared])}")
+            own.append(f"set={to_toml([*CampaignSettings.read(campaign, overrides=own).set, *shared])}")
         return function(load_campaign(campaign, overrides=own), **options)
 
     return command
+
+
+def idle_in_campaign(campaign: "Campaign") -> list[str]:
+    """Say which settings of a campaign and of its scenario change nothing in its runs."""
+    from cranectl.campaign.settings import COUNTED
+    from cranectl.cli.idle import IdleSettings
+    from cranectl.plants import DRIVES
+
+    settings = campaign.settings
+    uses = product(settings.plants, (DRIVES.checked(settings.drive),), settings.controllers)
+    request = ScenarioRequest(settings.scenario, settings.rig, settings.set)
+    lines = IdleSettings.lines(campaign.nominal, request, uses, unread=("limits.*", "expected"))
+    if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
+        lines.append(
+            f"{settings.name}: seed changes nothing here: {settings.sampling} sampling draws nothing"
+        )
+    return lines

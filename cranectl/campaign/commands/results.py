@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cranectl.campaign.commands.options import Judgement, judgement_options
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controllers_option
-from cranectl.cli.counts import MAX_REPLAYS, count_option
-from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
+from cranectl.cli.command import Command
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 if TYPE_CHECKING:
@@ -20,12 +22,12 @@ if TYPE_CHECKING:
     from cranectl.campaign.summary import GroupSummary
 
 
-@click.command("report", cls=command.Command)
-@click.argument("result", type=command.PATH)
-@command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
+@click.command("report", cls=Command)
+@click.argument("result", type=Command.PATH)
+@Command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
 @click.option("--unfinished", is_flag=True, help="Take what there is of a result that was cut short.")
 @judgement_options
-@command.json_option
+@Command.json_option
 def report_campaign(
     result: Path, out: Path | None, unfinished: bool, judgement: Judgement, screen: Screen
 ) -> int:
@@ -40,17 +42,16 @@ def report_campaign(
     cranectl campaign report logs/campaign-lab-rig --unfinished --json -
     cranectl campaign report logs/campaign-lab-rig --max-failures 5% --junit junit.xml
     """
-    from cranectl.campaign.evaluation import analyse, analysis_json
+    from cranectl.campaign.evaluation import Analysis
     from cranectl.campaign.report.page import campaign_page
     from cranectl.campaign.results import read_results
-    from cranectl.report.page import write_page
 
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
     results = read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
-    analysis = analyse(results)
-    write_page(campaign_page(analysis, command.command_given()), page)
-    code = show_result(results, screen, judgement, analysis_json(analysis))
+    analysis = Analysis.of(results)
+    campaign_page(analysis, Command.given()).write(page)
+    code = show_result(results, screen, judgement, Analysis.json(analysis))
     screen.print(f"report: {page}")
     return code
 
@@ -59,15 +60,15 @@ def show_result(
     results: "Results", screen: Screen, judgement: Judgement, more: dict[str, Any] | None = None
 ) -> int:
     """Print the summary of a result and write it as JSON, with what is `more`; return the exit code."""
-    from cranectl.campaign.report.tables import failure_notes, summary_table
+    from cranectl.campaign.report.tables import CampaignTables
     from cranectl.campaign.summary import makers, software_notes, summarize
 
     groups = summarize(results)
     settings = results.campaign.settings
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
-        screen.print(summary_table(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
-        screen.print_each(failure_notes(of_plant), indent="  ")
+        screen.print(CampaignTables.summary(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
+        screen.print_each(CampaignTables.failure_notes(of_plant), indent="  ")
     screen.print_each(software_notes(results))
     screen.print(f"result: {results.directory}")
     judged = judge_result(results, groups, judgement, screen)
@@ -83,7 +84,7 @@ def show_result(
     }
     screen.write_json(summary | judged | (more or {}))
     passed = not judged or judged["max_failures"]["passed"]
-    return exit_codes.GOOD if passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if passed else ExitCode.LIMIT_EXCEEDED
 
 
 def judge_result(
@@ -91,17 +92,17 @@ def judge_result(
 ) -> dict[str, Any]:
     """Print whether as many runs failed as are allowed, if that is asked for; return it as plain data."""
     from cranectl.campaign.failures import failure_cases, judge_failures
-    from cranectl.campaign.report.tables import failure_notes
+    from cranectl.campaign.report.tables import CampaignTables
 
     if judgement.allowed is None:
         return {}
     verdicts = judge_failures(groups, judgement.allowed)
     for verdict in verdicts:
-        screen.print(f"{verdict.name}: {verdict.text}:", PASSED if verdict.kept else FAILED)
+        screen.print(f"{verdict.name}: {verdict.text}:", Screen.PASSED if verdict.kept else Screen.FAILED)
     if not results.campaign.settings.limits.given:
         screen.print("the campaign has no [limits]: only runs that stop early count as failed")
     if judgement.junit is not None:
-        notes = [[*failure_notes([group]), *_again(results, group)] for group in groups]
+        notes = [[*CampaignTables.failure_notes([group]), *_again(results, group)] for group in groups]
         cases = failure_cases(verdicts, results.campaign.settings.name, notes)
         screen.save_junit(cases, judgement.junit, "cranectl campaign")
     kept = all(verdict.kept for verdict in verdicts)
@@ -111,29 +112,31 @@ def judge_result(
 
 def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
     """Yield the command that repeats the first run that failed, if there is one."""
-    from cranectl.campaign.report.tables import replay_command
+    from cranectl.campaign.report.tables import CampaignTables
     from cranectl.campaign.summary import failed
 
     rows = results.rows(group.plant, group.controller)
     bad = failed(lambda name: results.column(name)[rows], results.campaign.settings.limits.given)
     for sample in results.column("sample")[rows][bad][:1].tolist():
-        yield f"again: {replay_command(results, sample, group.controller, group.plant)}"
+        yield f"again: {CampaignTables.replay_command(results, sample, group.controller, group.plant)}"
 
 
-@click.command("replay", cls=command.Command)
-@click.argument("result", type=command.PATH)
-@count_option("--worst", "The N worst of all controllers and plants. Default: 3.", highest=MAX_REPLAYS)
+@click.command("replay", cls=Command)
+@click.argument("result", type=Command.PATH)
+@Count.option("--worst", "The N worst of all controllers and plants. Default: 3.", highest=Count.MAX_REPLAYS)
 @click.option(
     "--by", "metric", metavar="METRIC", default="max_error_m", show_default=True, help="What is worst."
 )
 @click.option("--run", "samples", metavar="INDEX", type=int, multiple=True, help="This sample; repeatable.")
-@controllers_option("Only runs with these controllers; one that is a controller of a file by its file.")
-@command.plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
+@ControllerName.repeated_option(
+    "Only runs with these controllers; one that is a controller of a file by its file."
+)
+@Names.plants_option("Only runs on these plants, by name, or by a model file that has moved.", of_logs=True)
 @click.option(
     "--every", type=click.IntRange(1, 1_000_000_000), metavar="N", help="Log every N-th control sample."
 )
-@command.directory_option("--out", "Directory for the logs. Default: 'replays' in RESULT.")
-@command.json_option
+@Command.directory_option("--out", "Directory for the logs. Default: 'replays' in RESULT.")
+@Command.json_option
 def replay_campaign(
     result: Path,
     worst: int | None,
@@ -170,13 +173,13 @@ def replay_campaign(
     )
     check_models(results, rows)
     replays = []
-    with progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
+    with Screen.progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
         for row in rows:
             advance(0.0, f"run {results.row(row)['sample']}")
             replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
     for replay in replays:
-        screen.print(f"{replay.log}:", PASSED if replay.same else FAILED, replay.text)
+        screen.print(f"{replay.log}:", Screen.PASSED if replay.same else Screen.FAILED, replay.text)
         software = (f"made by other software: {difference}" for difference in replay.software_differences)
         screen.print_each((*replay.differences, *software), indent="  ")
     screen.write_json({"replays": [replay.to_json() for replay in replays]})
-    return exit_codes.GOOD if all(replay.same for replay in replays) else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if all(replay.same for replay in replays) else ExitCode.LIMIT_EXCEEDED

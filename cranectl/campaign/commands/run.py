@@ -10,11 +10,11 @@ import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from cranectl.campaign.commands.options import Judgement, campaign_argument, judgement_options
-from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, arguments_given, directory_option, json_option
-from cranectl.cli.controller_options import timeout_option
-from cranectl.cli.counts import MAX_WORKERS, count_option
-from cranectl.cli.output import Screen, progress
+from cranectl.cli.command import Command
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
@@ -35,7 +35,7 @@ BAR = (
 
 @click.command("run", cls=Command)
 @campaign_argument
-@count_option("--workers", "Threads. Default: one for each core.", highest=MAX_WORKERS)
+@Count.option("--workers", "Threads. Default: one for each core.", highest=Count.MAX_WORKERS)
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
@@ -47,7 +47,7 @@ BAR = (
     type=click.Choice(["local"]),
     help="local: run on a Dask cluster of --workers processes on this machine, to try it.",
 )
-@directory_option("--out", "Directory of the result. Default: logs/campaign-NAME")
+@Command.directory_option("--out", "Directory of the result. Default: logs/campaign-NAME")
 @click.option("--resume", is_flag=True, help="Go on with a result that was cut short.")
 @click.option(
     "--despite-differences",
@@ -57,8 +57,8 @@ BAR = (
 )
 @click.option("--overwrite", is_flag=True, help="Replace a result that is there.")
 @judgement_options
-@timeout_option
-@json_option
+@ControllerName.timeout_option
+@Command.json_option
 def run_campaign(
     campaign: "Campaign",
     workers: int | None,
@@ -89,13 +89,14 @@ def run_campaign(
     Exit codes: 0 all runs are there, failed ones included; 1 more than --max-failures failed; 2 bad input
     or a full disk; 3 none could be run; 130 interrupted.
     """
+    from cranectl.campaign.commands.options import idle_in_campaign
     from cranectl.campaign.commands.results import show_result
-    from cranectl.campaign.manifest import resume_command
-    from cranectl.campaign.results import open_store, read_results
+    from cranectl.campaign.manifest import Manifest
+    from cranectl.campaign.results import Store, read_results
     from cranectl.campaign.table import FAILED
     from cranectl.campaign.workers import batch_engine
-    from cranectl.cli.counts import available_cores
-    from cranectl.cli.idle import idle_in_campaign, idle_timeout, print_idle
+    from cranectl.cli.counts import Count
+    from cranectl.cli.idle import IdleSettings
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
@@ -106,12 +107,15 @@ def run_campaign(
     directory = out or Path("logs") / f"campaign-{campaign.settings.name}"
     options = {"resume": resume, "despite_differences": despite_differences, "overwrite": overwrite}
     controllers, elsewhere = campaign.settings.controllers, bool(scheduler or cluster)
-    print_idle(screen, [*idle_in_campaign(campaign), *idle_timeout(controllers, timeout, cluster=elsewhere)])
+    IdleSettings.print(
+        screen,
+        [*idle_in_campaign(campaign), *IdleSettings.timeout_lines(controllers, timeout, cluster=elsewhere)],
+    )
     with (
         batch_engine(
-            scheduler, timeout, workers=workers or available_cores(), local_cluster=bool(cluster)
+            scheduler, timeout, workers=workers or Count.available_cores(), local_cluster=bool(cluster)
         ) as engine,
-        open_store(campaign, directory, command=arguments_given(), **options) as store,
+        Store.open(campaign, directory, command=Command.arguments(), **options) as store,
     ):
         screen.print_each(store.quarantined, indent="  ")
         interrupted = _run(campaign, store, engine)
@@ -119,11 +123,11 @@ def run_campaign(
     # What was interrupted is not judged: the runs that are missing may fail.
     code = show_result(results, screen, Judgement(None, None) if interrupted else judgement)
     if interrupted:
-        again = resume_command(results.manifest) or "the same command and --resume"
+        again = Manifest.resume_command(results.manifest) or "the same command and --resume"
         remaining = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
         screen.print(f"interrupted: {remaining}; go on with: {again}")
-        return exit_codes.INTERRUPTED
-    return exit_codes.RUN_STOPPED if set(results.column("status")) == {FAILED} else code
+        return ExitCode.INTERRUPTED
+    return ExitCode.RUN_STOPPED if set(results.column("status")) == {FAILED} else code
 
 
 def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
@@ -152,7 +156,7 @@ def _progress(
 
     left = sum(batch.runs for batch in missing)
     runs, failures, simulated, start = 0, 0, 0.0, monotonic()
-    with progress(*BAR) as shown:
+    with Screen.progress(*BAR) as shown:
         task = shown.add_task(
             campaign.settings.name,
             total=campaign.all_runs,

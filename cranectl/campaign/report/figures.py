@@ -4,7 +4,7 @@ That is correlations, bands over a parameter, failures, Sobol indices and tornad
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,245 +15,219 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.report.tables import METRIC_LABELS, metric_name, number, parameter_label
-from cranectl.campaign.sensitivity import Correlations, OneAtATimeEffect
+from cranectl.campaign.report.panels import CampaignPanel
+from cranectl.campaign.report.tables import METRIC_LABELS, CampaignTables
+from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import Metric
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, label_log_axis, make_room
+from cranectl.report.theme import Chart
 from cranectl.support import Array, Mask
 
 Rows = NDArray[np.intp]
-MAX_SCATTER_POINTS = 600  # of a scatter, all series together
-DECADES = 30.0  # ratio of quantiles from which an axis is logarithmic
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
-RISES, FALLS, BENT = SERIES[1], SERIES[0], SERIES[2]
+RISES, FALLS, BENT = Chart.SERIES[1], Chart.SERIES[0], Chart.SERIES[2]
 
 
-def series_style(k: int) -> dict[str, Any]:
-    """Return colour and dashes of the k-th controller."""
-    return {
-        "color": STAND_IN[SERIES[k % len(SERIES)]],
-        "linestyle": ("-", (0, (5, 2)), (0, (1, 1.5)))[k // len(SERIES) % 3],
-    }
+class CampaignFigures:
+    """Figures of a campaign."""
 
+    @staticmethod
+    def style(k: int) -> dict[str, Any]:
+        """Return colour and dashes of the k-th controller."""
+        return {
+            "color": Chart.STAND_IN[Chart.SERIES[k % len(Chart.SERIES)]],
+            "linestyle": ("-", (0, (5, 2)), (0, (1, 1.5)))[k // len(Chart.SERIES) % 3],
+        }
 
-def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
-    """Draw the distribution functions of all metrics, a curve for each controller on one plant."""
-    lines = -(-len(MAIN_METRICS) // 3)
-    figure, panels = canvas(1.35 * WIDTH, 2.4 * lines, lines, 3, sharey=True, squeeze=False)
-    for axes in panels.flat[len(MAIN_METRICS) :]:
-        axes.set_visible(False)
-    for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
+    @staticmethod
+    def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
+        """Draw the distribution functions of all metrics, a curve for each controller on one plant."""
+        lines = -(-len(MAIN_METRICS) // 3)
+        figure, panels = Chart.canvas(1.35 * Chart.WIDTH, 2.4 * lines, lines, 3, sharey=True, squeeze=False)
+        for axes in panels.flat[len(MAIN_METRICS) :]:
+            axes.set_visible(False)
+        for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
+            for k, group in enumerate(groups):
+                values = group.metrics[metric][group.has_run]
+                x, share = empirical_distribution(values)
+                if Metric.low_is_bad(metric):
+                    share = share + np.isnan(values).sum() / max(1, values.size)
+                label = group.controller if metric == MEASURE else None
+                axes.step(x, share, where="post", label=label, **CampaignFigures.style(k))
+            if metric in limits:
+                axes.axvline(
+                    limits[metric], color=Chart.STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2))
+                )
+            axes.set(xlabel=METRIC_LABELS[metric], ylim=(0.0, 1.02))
+            axes.xaxis.set_major_locator(MaxNLocator(4))
+            if all(np.isnan(group.metrics[metric]).all() for group in groups):
+                axes.set_xticks([])
+                axes.text(0.5, 0.5, "no run has it", ha="center", transform=axes.transAxes)
+            CampaignPanel.spread(axes, "x", [group.metrics[metric] for group in groups])
+        for axes in panels[:, 0]:
+            axes.set_ylabel("share of runs")
+        figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
+        return figure
+
+    @staticmethod
+    def effort_and_error(groups: Sequence[Group]) -> Figure:
+        """Draw RMS error against effort, a point for each run; crosses span 90 % of a controller's runs."""
+        figure, axes = Chart.canvas(Chart.WIDTH, 3.6)
+        points_each = CampaignPanel.MAX_POINTS // max(1, len(groups))
         for k, group in enumerate(groups):
-            values = group.metrics[metric][group.has_run]
-            x, share = empirical_distribution(values)
-            if Metric.low_is_bad(metric):
-                share = share + np.isnan(values).sum() / max(1, values.size)
-            label = group.controller if metric == MEASURE else None
-            axes.step(x, share, where="post", label=label, **series_style(k))
-        if metric in limits:
-            axes.axvline(limits[metric], color=STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2)))
-        axes.set(xlabel=METRIC_LABELS[metric], ylim=(0.0, 1.02))
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-        if all(np.isnan(group.metrics[metric]).all() for group in groups):
-            axes.set_xticks([])
-            axes.text(0.5, 0.5, "no run has it", ha="center", transform=axes.transAxes)
-        _spread_axis(axes, "x", [group.metrics[metric] for group in groups])
-    for axes in panels[:, 0]:
-        axes.set_ylabel("share of runs")
-    figure.legend(loc="outside upper center", ncols=len(SERIES))
-    return figure
-
-
-def effort_and_error(groups: Sequence[Group]) -> Figure:
-    """Draw RMS error against effort, a point for each run; crosses span 90 % of a controller's runs."""
-    figure, axes = canvas(WIDTH, 3.6)
-    points_each = MAX_SCATTER_POINTS // max(1, len(groups))
-    for k, group in enumerate(groups):
-        x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
-        rows = np.flatnonzero(group.completed)
-        rows = rows[:: max(1, -(-rows.size // points_each))]
-        colour = series_style(k)["color"]
-        axes.plot(x[rows], y[rows], ".", markersize=3, alpha=0.45, color=colour)
-        low, middle, high = np.transpose([quantiles(x), quantiles(y)])
-        if group.completed.any():
-            axes.plot([low[0], high[0]], [middle[1]] * 2, color=colour, linewidth=2.2)
-            axes.plot([middle[0]] * 2, [low[1], high[1]], color=colour, linewidth=2.2)
-        marker = ("o", "s", "^", "D")[k % 4]
-        axes.plot(*middle, marker, color=colour, markeredgecolor=STAND_IN["ink"], label=group.controller)
-    axes.set(xlabel="effort: RMS of the commanded accelerations [m/s²]", ylabel="RMS error [m]")
-    _spread_axis(axes, "x", [group.metrics[EFFORT] for group in groups])
-    _spread_axis(axes, "y", [group.metrics["rms_error_m"] for group in groups])
-    figure.legend(loc="outside upper center", ncols=len(SERIES))
-    return figure
-
-
-def two_plants(pairs: Sequence[Pair]) -> Figure:
-    """Draw the largest error on one plant over that on the other, by controller, and all differences."""
-    columns = min(3, len(pairs) + 1)
-    rows = -(-(len(pairs) + 1) // columns)
-    figure, panels = canvas(1.35 * WIDTH, 0.4 + 2.7 * rows, rows, columns, squeeze=False)
-    *scatters, last = list(panels.flat)[: len(pairs) + 1]
-    for axes in figure.axes[len(pairs) + 1 :]:
-        axes.set_visible(False)
-    for k, (axes, pair) in enumerate(zip(scatters, pairs, strict=True)):
-        colour = series_style(k)["color"]
-        a, b = pair.first.metrics[MEASURE], pair.second.metrics[MEASURE]
-        _cloud(axes, a, b, colour)
-        axes.set_title(pair.first.controller)
-        x_label, y_label = (f"largest error on {group.plant} [m]" for group in (pair.first, pair.second))
-        axes.set(xlabel=x_label, ylabel=y_label)
-        difference = np.abs(b - a)
-        x, share = empirical_distribution(difference[~np.isnan(difference)])
-        last.step(x[x > 0.0], share[x > 0.0], where="post", label=pair.first.controller, **series_style(k))
-    last.set(xscale="log", ylim=(0.0, 1.02), xlabel="|difference| [m]", ylabel="share of samples")
-    label_log_axis(last)
-    last.legend()
-    return figure
-
-
-def _cloud(axes: Axes, x: Array, y: Array, colour: str) -> None:
-    """Draw points, or of many points hexagons that are darker the more points they hold."""
-    both = ~np.isnan(x) & ~np.isnan(y)
-    x, y = x[both], y[both]
-    if not x.size:
-        axes.text(0.5, 0.5, "no sample completed on both", ha="center", transform=axes.transAxes)
-        return
-    ends = [min(x.min(), y.min()), max(x.max(), y.max())]
-    scale: Literal["log", "linear"] = "log" if 0.0 < ends[0] * 5.0 < ends[1] else "linear"
-    if x.size <= MAX_SCATTER_POINTS:
-        axes.plot(x, y, ".", markersize=4, alpha=0.6, color=colour)
-    else:
-        cells = axes.hexbin(x, y, gridsize=40, xscale=scale, yscale=scale, mincnt=1, linewidths=0.0)
-        counts = np.log1p(np.asarray(cells.get_array()))
-        cells.set_array(None)
-        cells.set_facecolor(colour)
-        cells.set_alpha(0.15 + 0.85 * counts / counts.max())
-    axes.set_axisbelow(True)
-    axes.plot(ends, ends, color=STAND_IN["reference"], linewidth=0.8, linestyle=(0, (5, 3)), zorder=0)
-    axes.set(xscale=scale, yscale=scale)
-
-
-def _spread_axis(axes: Axes, which: str, values: Sequence[Array]) -> None:
-    """Return "log" if the finite values span decades and none is 0, else "linear"."""
-    finite = np.concatenate(values)
-    finite = finite[np.isfinite(finite)]
-    if finite.size and finite.min() > 0.0 and finite.max() > DECADES * finite.min():
-        getattr(axes, f"set_{which}scale")("log")
-
-
-def correlation_fields(correlations: Correlations, order: Sequence[int]) -> Figure:
-    """Draw a field for each parameter and metric, filled beyond chance, with rows in this `order`."""
-    rho, strength = correlations.rho[list(order)], correlations.strength[list(order)]
-    bent, eta = correlations.bent[list(order)], correlations.eta[list(order)]
-    figure, axes = canvas(WIDTH, 1.1 + 0.24 * len(order))
-    for (row, column), value in np.ndenumerate(rho):
-        role, text = RISES if value > 0.0 else FALLS, "–" if np.isnan(value) else f"{value:+.2f}"
-        if bent[row, column]:
-            role, text = BENT, f"∪ {eta[row, column]:.2f}"
-        if shown := strength[row, column]:
-            corner, alpha = (column - 0.48, row - 0.46), 0.1 + 0.55 * shown
-            axes.add_patch(Rectangle(corner, 0.96, 0.92, facecolor=STAND_IN[role], alpha=alpha))
-        colour = STAND_IN["ink" if shown else "muted"]
-        axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
-    axes.set(xlim=(-0.5, len(correlations.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
-    labels = [metric_name(metric).replace(" ", "\n") for metric in correlations.metrics]
-    axes.set_xticks(range(len(labels)), labels)
-    names = [correlations.parameters[k].removeprefix("effects.") for k in order]
-    axes.set_yticks(range(len(order)), names)
-    make_room(figure, names)
-    axes.xaxis.tick_top()
-    axes.tick_params(length=0)
-    axes.tick_params(axis="x", labelsize=7.5)
-    axes.grid(visible=False)
-    axes.spines[:].set_visible(False)
-    meanings = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
-    handles = [Patch(facecolor=STAND_IN[r], alpha=0.5, label=text) for r, text in meanings.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    return figure
-
-
-def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
-    """Draw median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
-
-    def band(group: Group, rows: Rows) -> Array:
-        return quantiles(group.metrics[MEASURE][rows])
-
-    groups = [(part.group, part.group.completed) for part in parts]
-    return _over_parameters(analysis, groups, columns, BANDS, METRIC_LABELS[MEASURE], band=band)
-
-
-def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
-    """Draw the share of failed runs over ranges of parameters, by controller, with 95 % intervals."""
-    random = analysis.results.campaign.settings.sampling in INDEPENDENT
-
-    def band(group: Group, rows: Rows) -> Array:
-        failures = int(group.failed[rows].sum())
-        low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
-        return np.array([low, failures / rows.size, high])
-
-    groups = [(part.group, part.group.has_run) for part in parts]
-    figure = _over_parameters(analysis, groups, columns, RATES, "failure rate", band=band)
-    figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
-    return figure
-
-
-def sobol_bars(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
-    """Draw first-order and total indices of the largest error with intervals, a panel for each controller."""
-    figure, panels = _rows_figure(len(parts), parameters)
-    rows = np.arange(len(parameters))
-    for axes, part in zip(panels, parts, strict=True):
-        indices = part.sobol[MEASURE]
-        for offset, role, label, values, interval in (
-            (-0.2, SERIES[0], "first order", indices.first, indices.first_interval),
-            (0.2, SERIES[1], "total", indices.total, indices.total_interval),
-        ):
-            shown = label if axes is panels[0] else ""
-            axes.barh(rows + offset, values, height=0.36, color=STAND_IN[role], alpha=0.75, label=shown)
-            axes.hlines(rows + offset, *interval, color=STAND_IN["ink"], linewidth=0.9)
-        axes.set_title(part.group.controller)
-        axes.set_xlim(min(-0.02, float(indices.first_interval[0].min())), None)
-        axes.set_xlabel(f"share of the variance, {metric_name(MEASURE)}")
-    figure.legend(loc="outside upper center", ncols=2)
-    return figure
-
-
-def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
-    """Draw how much the ends of each parameter change the largest error of the nominal run."""
-    figure, panels = _rows_figure(len(parts), parameters)
-    for axes, part in zip(panels, parts, strict=True):
-        nominal = float(part.group.metrics[MEASURE][0])
-        for row, parameter in enumerate(parameters):
-            _bars(
-                axes, row, nominal, [effect for effect in part.one_at_a_time if effect.parameter == parameter]
+            x, y = group.metrics[EFFORT], group.metrics["rms_error_m"]
+            rows = np.flatnonzero(group.completed)
+            rows = rows[:: max(1, -(-rows.size // points_each))]
+            colour = CampaignFigures.style(k)["color"]
+            axes.plot(x[rows], y[rows], ".", markersize=3, alpha=0.45, color=colour)
+            low, middle, high = np.transpose([quantiles(x), quantiles(y)])
+            if group.completed.any():
+                axes.plot([low[0], high[0]], [middle[1]] * 2, color=colour, linewidth=2.2)
+                axes.plot([middle[0]] * 2, [low[1], high[1]], color=colour, linewidth=2.2)
+            marker = ("o", "s", "^", "D")[k % 4]
+            axes.plot(
+                *middle, marker, color=colour, markeredgecolor=Chart.STAND_IN["ink"], label=group.controller
             )
-        axes.axvline(0.0, color=STAND_IN["ink"], linewidth=0.8)
-        axes.set_title(f"{part.group.controller}, nominal {number(nominal)} m")
-        axes.set_xlabel("change of the largest error [m]")
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-    handles = [Patch(facecolor=STAND_IN[r], label=text) for r, text in _ENDS.items()]
-    figure.legend(handles=handles, loc="outside upper center", ncols=3)
-    return figure
+        axes.set(xlabel="effort: RMS of the commanded accelerations [m/s²]", ylabel="RMS error [m]")
+        CampaignPanel.spread(axes, "x", [group.metrics[EFFORT] for group in groups])
+        CampaignPanel.spread(axes, "y", [group.metrics["rms_error_m"] for group in groups])
+        figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
+        return figure
+
+    @staticmethod
+    def two_plants(pairs: Sequence[Pair]) -> Figure:
+        """Draw the largest error on one plant over that on the other, by controller, and all differences."""
+        columns = min(3, len(pairs) + 1)
+        rows = -(-(len(pairs) + 1) // columns)
+        figure, panels = Chart.canvas(1.35 * Chart.WIDTH, 0.4 + 2.7 * rows, rows, columns, squeeze=False)
+        *scatters, last = list(panels.flat)[: len(pairs) + 1]
+        for axes in figure.axes[len(pairs) + 1 :]:
+            axes.set_visible(False)
+        for k, (axes, pair) in enumerate(zip(scatters, pairs, strict=True)):
+            colour = CampaignFigures.style(k)["color"]
+            a, b = pair.first.metrics[MEASURE], pair.second.metrics[MEASURE]
+            CampaignPanel.cloud(axes, a, b, colour)
+            axes.set_title(pair.first.controller)
+            x_label, y_label = (f"largest error on {group.plant} [m]" for group in (pair.first, pair.second))
+            axes.set(xlabel=x_label, ylabel=y_label)
+            difference = np.abs(b - a)
+            x, share = empirical_distribution(difference[~np.isnan(difference)])
+            last.step(
+                x[x > 0.0],
+                share[x > 0.0],
+                where="post",
+                label=pair.first.controller,
+                **CampaignFigures.style(k),
+            )
+        last.set(xscale="log", ylim=(0.0, 1.02), xlabel="|difference| [m]", ylabel="share of samples")
+        Chart.label_log_axis(last)
+        last.legend()
+        return figure
+
+    @staticmethod
+    def correlations(correlations: Correlations, order: Sequence[int]) -> Figure:
+        """Draw a field for each parameter and metric, filled beyond chance, with rows in this `order`."""
+        rho, strength = correlations.rho[list(order)], correlations.strength[list(order)]
+        bent, eta = correlations.bent[list(order)], correlations.eta[list(order)]
+        figure, axes = Chart.canvas(Chart.WIDTH, 1.1 + 0.24 * len(order))
+        for (row, column), value in np.ndenumerate(rho):
+            role, text = RISES if value > 0.0 else FALLS, "–" if np.isnan(value) else f"{value:+.2f}"
+            if bent[row, column]:
+                role, text = BENT, f"∪ {eta[row, column]:.2f}"
+            if shown := strength[row, column]:
+                corner, alpha = (column - 0.48, row - 0.46), 0.1 + 0.55 * shown
+                axes.add_patch(Rectangle(corner, 0.96, 0.92, facecolor=Chart.STAND_IN[role], alpha=alpha))
+            colour = Chart.STAND_IN["ink" if shown else "muted"]
+            axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
+        axes.set(xlim=(-0.5, len(correlations.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
+        labels = [CampaignTables.metric_name(metric).replace(" ", "\n") for metric in correlations.metrics]
+        axes.set_xticks(range(len(labels)), labels)
+        names = [correlations.parameters[k].removeprefix("effects.") for k in order]
+        axes.set_yticks(range(len(order)), names)
+        Chart.make_room(figure, names)
+        axes.xaxis.tick_top()
+        axes.tick_params(length=0)
+        axes.tick_params(axis="x", labelsize=7.5)
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(False)
+        meanings = {RISES: "rises, ρ", FALLS: "falls, ρ", BENT: "∪ neither, but differs, η"}
+        handles = [Patch(facecolor=Chart.STAND_IN[r], alpha=0.5, label=text) for r, text in meanings.items()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        return figure
+
+    @staticmethod
+    def error_bands(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
+        """Draw median and 5 to 95 % of the largest error over ranges of parameters, for each controller."""
+
+        def band(group: Group, rows: Rows) -> Array:
+            return quantiles(group.metrics[MEASURE][rows])
+
+        groups = [(part.group, part.group.completed) for part in parts]
+        return _over_parameters(analysis, groups, columns, BANDS, METRIC_LABELS[MEASURE], band=band)
+
+    @staticmethod
+    def failure_rates(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
+        """Draw the share of failed runs over ranges of parameters, by controller, with 95 % intervals."""
+        random = analysis.results.campaign.settings.sampling in INDEPENDENT
+
+        def band(group: Group, rows: Rows) -> Array:
+            failures = int(group.failed[rows].sum())
+            low, high = failure_interval(failures, rows.size) if random else (np.nan, np.nan)
+            return np.array([low, failures / rows.size, high])
+
+        groups = [(part.group, part.group.has_run) for part in parts]
+        figure = _over_parameters(analysis, groups, columns, RATES, "failure rate", band=band)
+        figure.axes[0].set_ylim(-0.02, 1.02)  # of all, which share it
+        return figure
+
+    @staticmethod
+    def sobol(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
+        """Draw first-order and total indices of the largest error, a panel for each controller."""
+        figure, panels = _rows_figure(len(parts), parameters)
+        rows = np.arange(len(parameters))
+        for axes, part in zip(panels, parts, strict=True):
+            indices = part.sobol[MEASURE]
+            for offset, role, label, values, interval in (
+                (-0.2, Chart.SERIES[0], "first order", indices.first, indices.first_interval),
+                (0.2, Chart.SERIES[1], "total", indices.total, indices.total_interval),
+            ):
+                shown = label if axes is panels[0] else ""
+                axes.barh(
+                    rows + offset, values, height=0.36, color=Chart.STAND_IN[role], alpha=0.75, label=shown
+                )
+                axes.hlines(rows + offset, *interval, color=Chart.STAND_IN["ink"], linewidth=0.9)
+            axes.set_title(part.group.controller)
+            axes.set_xlim(min(-0.02, float(indices.first_interval[0].min())), None)
+            axes.set_xlabel(f"share of the variance, {CampaignTables.metric_name(MEASURE)}")
+        figure.legend(loc="outside upper center", ncols=2)
+        return figure
+
+    @staticmethod
+    def tornado(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -> Figure:
+        """Draw how much the ends of each parameter change the largest error of the nominal run."""
+        figure, panels = _rows_figure(len(parts), parameters)
+        for axes, part in zip(panels, parts, strict=True):
+            nominal = float(part.group.metrics[MEASURE][0])
+            for row, parameter in enumerate(parameters):
+                CampaignPanel.bars(
+                    axes,
+                    row,
+                    nominal,
+                    [effect for effect in part.one_at_a_time if effect.parameter == parameter],
+                )
+            axes.axvline(0.0, color=Chart.STAND_IN["ink"], linewidth=0.8)
+            axes.set_title(f"{part.group.controller}, nominal {CampaignTables.number(nominal)} m")
+            axes.set_xlabel("change of the largest error [m]")
+            axes.xaxis.set_major_locator(MaxNLocator(4))
+        handles = [Patch(facecolor=Chart.STAND_IN[r], label=text) for r, text in _ENDS.items()]
+        figure.legend(handles=handles, loc="outside upper center", ncols=3)
+        return figure
 
 
-_ENDS = {SERIES[0]: "lowest value", SERIES[1]: "highest value", "muted": "between"}
-
-
-def _bars(axes: Axes, row: int, nominal: float, effects: Sequence[OneAtATimeEffect]) -> None:
-    values = [effect.value for effect in effects]
-    for effect in effects:
-        change = float(effect.metrics[MAIN_METRICS.index(MEASURE)]) - nominal
-        if np.isnan(change):
-            continue
-        if min(values) < effect.value < max(values):
-            axes.plot(change, row, "|", color=STAND_IN["muted"], markersize=10)
-            continue
-        low = effect.value == min(values)
-        colour = STAND_IN[SERIES[0] if low else SERIES[1]]
-        axes.barh(row + (-0.2 if low else 0.2), change, height=0.38, color=colour)
+_ENDS = {Chart.SERIES[0]: "lowest value", Chart.SERIES[1]: "highest value", "muted": "between"}
 
 
 def _over_parameters(
@@ -271,7 +245,7 @@ def _over_parameters(
     """
     campaign = analysis.results.campaign
     lines = -(-len(columns) // 2)
-    figure, grid = canvas(WIDTH, 0.5 + 2.1 * lines, lines, 2, sharey=True, squeeze=False)
+    figure, grid = Chart.canvas(Chart.WIDTH, 0.5 + 2.1 * lines, lines, 2, sharey=True, squeeze=False)
     panels = list(grid.flat)
     for axes, column in zip(panels, columns, strict=False):
         x = analysis.values[:, column]
@@ -281,28 +255,30 @@ def _over_parameters(
                 continue
             places = [float(np.median(x[rows])) for rows in bins]
             low, middle, high = np.transpose([band(group, rows) for rows in bins])
-            style = series_style(k)
+            style = CampaignFigures.style(k)
             axes.fill_between(places, low, high, color=style["color"], alpha=0.16, linewidth=0.0)
             axes.plot(places, middle, marker=".", markersize=4, label=group.controller, **style)
-        axes.set_xlabel(parameter_label(campaign, campaign.names[column]))
+        axes.set_xlabel(CampaignTables.parameter_label(campaign, campaign.names[column]))
         axes.margins(x=0.02)
         if isinstance(campaign.parameters[column].distribution, LogUniform):
             axes.set_xscale("log")
-            label_log_axis(axes)
+            Chart.label_log_axis(axes)
     for axes in panels[len(columns) :]:
         axes.set_visible(False)
     for axes in panels[::2]:
         axes.set_ylabel(label)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(SERIES))
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(Chart.SERIES))
     return figure
 
 
 def _rows_figure(panels: int, parameters: Sequence[str]) -> tuple[Figure, list[Axes]]:
     """Return a figure and panels side by side, in which each parameter has a row."""
     names = [parameter.removeprefix("effects.") for parameter in parameters]
-    figure, grid = canvas(1.2 * WIDTH, 1.2 + 0.34 * len(names), 1, panels, sharey=True, squeeze=False)
-    make_room(figure, names)
+    figure, grid = Chart.canvas(
+        1.2 * Chart.WIDTH, 1.2 + 0.34 * len(names), 1, panels, sharey=True, squeeze=False
+    )
+    Chart.make_room(figure, names)
     grid[0, 0].set_yticks(range(len(names)), names)
     grid[0, 0].set_ylim(len(names) - 0.5, -0.5)
     for axes in grid.flat:

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
-from cranectl.campaign.manifest import resume_command
-from cranectl.campaign.report import figures, tables
-from cranectl.campaign.report.tables import metric_name, number
+from cranectl.campaign.manifest import Manifest
+from cranectl.campaign.report.figures import CampaignFigures
+from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, compared_parameters, software_notes
 from cranectl.metrics import Metric
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.table import Table, cells, listed
+from cranectl.report.table import Cell, Table
 from cranectl.support import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own
@@ -28,7 +28,7 @@ def campaign_page(analysis: Analysis, remade_by: str) -> Page:
     settings = analysis.results.campaign.settings
     sections = [
         _outcome(analysis),
-        Section("worst", "Runs worth a look", tables=(tables.worst_table(analysis),)),
+        Section("worst", "Runs worth a look", tables=(CampaignTables.worst(analysis),)),
         *_controllers(analysis),
         *_plants(analysis),
         *_influence(analysis),
@@ -43,12 +43,12 @@ def _outcome(analysis: Analysis) -> Section:
     summaries, quantiles, curves = [], [], []
     for parts in analysis.by_plant:
         plant, groups = parts[0].group.plant, [part.group for part in parts]
-        table = tables.summary_table([part.summary for part in parts], f"On {plant}")
-        failures = "; ".join(tables.failure_notes([part.summary for part in parts]))
+        table = CampaignTables.summary([part.summary for part in parts], f"On {plant}")
+        failures = "; ".join(CampaignTables.failure_notes([part.summary for part in parts]))
         summaries.append(replace(table, note=" ".join(filter(None, (table.note, failures)))))
-        quantiles.append(tables.metrics_quantiles(parts))
+        quantiles.append(CampaignTables.quantiles(parts))
         title, verdict = f"distributions of the metrics on {plant}", _distributions_sentence(parts)
-        curves.append(Figure.drawn(title, verdict, figures.distributions, groups, limits, alone=True))
+        curves.append(Figure.drawn(title, verdict, CampaignFigures.distributions, groups, limits, alone=True))
     texts = tuple(_summary_of(analysis.results))
     return Section("outcome", "Outcome", texts, (*summaries, *quantiles), tuple(curves))
 
@@ -62,11 +62,11 @@ def _controllers(analysis: Analysis) -> Iterator[Section]:
         plant = parts[0].group.plant
         pairs = [pair for pair in analysis.controllers if pair.first.plant == plant]
         title = f"Samples that fail with one controller and not with the other, on {plant}"
-        compared.append(tables.failures_table(pairs, sampling, title))
-        compared.append(tables.controller_differences(pairs, sampling))
+        compared.append(CampaignTables.failures(pairs, sampling, title))
+        compared.append(CampaignTables.controllers(pairs, sampling))
         title, groups = f"error against effort on {plant}", [part.group for part in parts]
         verdict = "Each cross spans 90 % of a controller's completed runs and meets at its medians."
-        scatters.append(Figure.drawn(title, verdict, figures.effort_and_error, groups))
+        scatters.append(Figure.drawn(title, verdict, CampaignFigures.effort_and_error, groups))
     yield Section("controllers", "Controllers", tables=tuple(compared), figures=tuple(scatters))
 
 
@@ -76,11 +76,13 @@ def _plants(analysis: Analysis) -> Iterator[Section]:
     for k, (one, other) in enumerate(compared):
         pairs = [pair for pair in analysis.plants if (pair.first.plant, pair.second.plant) == (one, other)]
         title = f"largest error on {one} and on {other}, the same samples"
-        figure = Figure.drawn(title, _agreement_sentence(pairs), figures.two_plants, pairs, alone=True)
+        figure = Figure.drawn(
+            title, _agreement_sentence(pairs), CampaignFigures.two_plants, pairs, alone=True
+        )
         failing = "Samples that fail on one plant and not on the other"
-        shown = [tables.plants_agreement(pairs), tables.failures_table(pairs, sampling, failing)]
+        shown = [CampaignTables.plants(pairs), CampaignTables.failures(pairs, sampling, failing)]
         if any(pair.agreement.largest for pair in pairs):
-            shown.append(tables.disagreements(analysis, pairs))
+            shown.append(CampaignTables.disagreements(analysis, pairs))
         anchor, heading = f"plants-{k}" if k else "plants", f"{one.capitalize()} and {other}"
         yield Section(anchor, heading, tables=tuple(shown), figures=(figure,))
 
@@ -90,17 +92,17 @@ def _influence(analysis: Analysis) -> Iterator[Section]:
     names = [campaign.names[k] for k in campaign.varied]
     plants = analysis.by_plant
     if analysis.groups[0].one_at_a_time:
-        steps = tuple(map(tables.one_at_a_time_table, analysis.groups))
+        steps = tuple(map(CampaignTables.one_at_a_time, analysis.groups))
         drawings = tuple(_tornado(parts, names) for parts in plants)
         yield Section("influence", "What decides", (_STEPS,), steps, drawings)
         return
-    indices = [tables.sobol_table(parts, names) for parts in plants if any(part.sobol for part in parts)]
+    indices = [CampaignTables.sobol(parts, names) for parts in plants if any(part.sobol for part in parts)]
     shown = []
     for parts in plants:
         if having := [part for part in parts if MEASURE in part.sobol]:
-            title = f"Sobol indices of the {metric_name(MEASURE)}, {parts[0].group.plant}"
+            title = f"Sobol indices of the {CampaignTables.metric_name(MEASURE)}, {parts[0].group.plant}"
             sentence = _sobol_sentence(having, names)
-            shown.append(Figure.drawn(title, sentence, figures.sobol_bars, having, names))
+            shown.append(Figure.drawn(title, sentence, CampaignFigures.sobol, having, names))
     if compared_parameters(analysis.results):
         shown += [figure for parts in plants for figure in _correlations(parts)]
         shown += [_bands(analysis, parts) for parts in plants]
@@ -126,7 +128,7 @@ def _correlations(parts: Sequence[GroupAnalysis]) -> Iterator[Figure]:
         if part.correlations is not None:
             title = f"what goes with what, {part.group.name}"
             verdict = _correlations_sentence(part.correlations)
-            yield Figure.drawn(title, verdict, figures.correlation_fields, part.correlations, order)
+            yield Figure.drawn(title, verdict, CampaignFigures.correlations, part.correlations, order)
 
 
 def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
@@ -135,7 +137,7 @@ def _bands(analysis: Analysis, parts: Sequence[GroupAnalysis]) -> Figure:
     columns = [compared_parameters(analysis.results)[j] for j in leading]
     title = f"largest error over what goes with it most, {parts[0].group.plant}"
     verdict = "Median and 5 to 95 % of completed runs, in ranges with equally many runs."
-    return Figure.drawn(title, verdict, figures.error_bands, analysis, parts, columns)
+    return Figure.drawn(title, verdict, CampaignFigures.error_bands, analysis, parts, columns)
 
 
 def _leading(values: Sequence[float] | Array, beyond_chance: int) -> list[int]:
@@ -161,7 +163,7 @@ def _tornado(parts: Sequence[GroupAnalysis], names: Sequence[str]) -> Figure:
     order = sorted(names, key=lambda name: -widths[name])
     title = f"one parameter at a time on {parts[0].group.plant}"
     verdict = " ".join(map(_tornado_sentence, parts))
-    return Figure.drawn(title, verdict, figures.tornado, parts, order, alone=True)
+    return Figure.drawn(title, verdict, CampaignFigures.tornado, parts, order, alone=True)
 
 
 def _failures(analysis: Analysis) -> Iterator[Section]:
@@ -180,8 +182,8 @@ def _failures(analysis: Analysis) -> Iterator[Section]:
         columns = [analysis.results.campaign.names.index(names[j]) for j in _leading(distances, beyond)]
         title = f"failure rate over what separates most, {parts[0].group.plant}"
         verdict = _failures_sentence(having)
-        rates.append(Figure.drawn(title, verdict, figures.failure_rates, analysis, parts, columns))
-        separating.append(tables.separation_table(having))
+        rates.append(Figure.drawn(title, verdict, CampaignFigures.failure_rates, analysis, parts, columns))
+        separating.append(CampaignTables.separation(having))
     if rates:
         yield Section("failures", "What fails", tables=tuple(separating), figures=tuple(rates))
 
@@ -198,8 +200,10 @@ def _uncertainty(analysis: Analysis) -> Section:
     for k, (_, versions) in enumerate(analysis.results.origins, 1):
         named = f", software {k}" if k > 1 else ""
         facts |= {f"{name}{named}": str(version) for name, version in versions.items()}
-    made = Table("What was run, with what", ("", ""), tuple(cells(*fact) for fact in facts.items()), labels=2)
-    return Section("uncertainty", "What is uncertain", tables=(tables.uncertainty_table(analysis), made))
+    made = Table(
+        "What was run, with what", ("", ""), tuple(Cell.row(*fact) for fact in facts.items()), labels=2
+    )
+    return Section("uncertainty", "What is uncertain", tables=(CampaignTables.uncertainty(analysis), made))
 
 
 def _summary_of(results: Results) -> Iterator[str]:
@@ -209,12 +213,13 @@ def _summary_of(results: Results) -> Iterator[str]:
     if results.missing:
         yield (
             f"INCOMPLETE: {results.missing_runs} of {campaign.all_runs} runs are missing; this page "
-            f"describes the others. Complete the result with {resume_command(results.manifest) or RESUME}."
+            "describes the others. Complete the result with "
+            f"{Manifest.resume_command(results.manifest) or RESUME}."
         )
     yield from (f"{note[0].upper()}{note[1:]}." for note in software_notes(results))
     yield (
-        f"{campaign.runs} samples, each run with {listed(settings.controllers)} on "
-        f"{listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
+        f"{campaign.runs} samples, each run with {Cell.listed(settings.controllers)} on "
+        f"{Cell.listed(settings.plants)}, {settings.drive} drives, scenario {settings.scenario}. "
         f"Sampling: {settings.sampling}, seed {settings.seed}. {len(results)} runs are in the result."
     )
     beyond = "; ".join(f"{m} {'below' if Metric.low_is_bad(m) else 'above'} {limit:g}" for m, limit in limits)
@@ -223,7 +228,9 @@ def _summary_of(results: Results) -> Iterator[str]:
 
 def _distributions_sentence(parts: Sequence[GroupAnalysis]) -> str:
     medians = ((part.summary.median_max_error_m, part.group.controller) for part in parts)
-    texts = ", ".join(f"{number(value)} m ({name})" for value, name in medians if value is not None)
+    texts = ", ".join(
+        f"{CampaignTables.number(value)} m ({name})" for value, name in medians if value is not None
+    )
     sentence = "A curve ends below 1 where runs stopped or never settled."
     return f"Largest error, median: {texts}. {sentence}" if texts else "No run completed."
 
@@ -258,7 +265,7 @@ def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -
         left = f"; {indices.left_out} base points left out" if indices.left_out else ""
         named = named or "nothing is surely above 0.05"
         texts.append(f"{part.group.controller}: {named}, from {indices.base_points} base points{left}")
-    return f"Total indices of {metric_name(MEASURE)}. {'. '.join(texts)}."
+    return f"Total indices of {CampaignTables.metric_name(MEASURE)}. {'. '.join(texts)}."
 
 
 def _tornado_sentence(part: GroupAnalysis) -> str:
@@ -289,8 +296,9 @@ def _failures_sentence(parts: Sequence[GroupAnalysis]) -> str:
 
 def _agreement_sentence(pairs: Sequence[Pair]) -> str:
     texts = [
-        f"{pair.first.controller}: half of the samples within {number(pair.agreement.quantiles[1], 2)} m, "
-        f"95 % within {number(pair.agreement.quantiles[2], 2)} m"
+        f"{pair.first.controller}: half of the samples within "
+        f"{CampaignTables.number(pair.agreement.quantiles[1], 2)} m, "
+        f"95 % within {CampaignTables.number(pair.agreement.quantiles[2], 2)} m"
         for pair in pairs
         if pair.agreement.samples
     ]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle, zip_longest
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cranectl.plants import PLANTS
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, spaced
+from cranectl.report.theme import Chart
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array
@@ -60,39 +60,40 @@ class Family:
     draw: Callable[["Family", Sequence[RunCurve]], Figure]
     group: str = "state"  # of signals that a run must have for this figure
 
+    ALL: ClassVar[dict[str, "Family"]]  # by name
 
-def families_of(runs: Sequence[Run]) -> list[Family]:
-    """Return the families of figures for which all `runs` have the signals; one residual is enough."""
-    having = {family.name: [run.has(family.group) for run in runs] for family in FAMILIES.values()}
-    return [f for f in FAMILIES.values() if (any if f.group == "residual" else all)(having[f.name])]
+    @staticmethod
+    def of(runs: Sequence[Run]) -> "list[Family]":
+        """Return the families of figures for which all `runs` have the signals; one residual is enough."""
+        having = {family.name: [run.has(family.group) for run in runs] for family in Family.ALL.values()}
+        return [f for f in Family.ALL.values() if (any if f.group == "residual" else all)(having[f.name])]
 
-
-def largest_difference(family: Family, a: Run, b: Run) -> float:
-    """Return the largest difference of the curves of two runs, in the figure's unit."""
-    n = min(len(a.time_ns), len(b.time_ns))
-    return max(float(np.abs(p.values(a)[:n] - p.values(b)[:n]).max()) for p in family.panels)
+    def largest_difference(self, a: Run, b: Run) -> float:
+        """Return the largest difference of the curves of two runs, in the figure's unit."""
+        n = min(len(a.time_ns), len(b.time_ns))
+        return max(float(np.abs(p.values(a)[:n] - p.values(b)[:n]).max()) for p in self.panels)
 
 
 def distance_figure(pairs: Mapping[str, tuple[Run, Run]], limits: Mapping[str, float]) -> Figure:
     """Draw the distance between the loads of each pair of plants over time, and the named `limits` [m]."""
-    figure, axes = canvas(WIDTH, 3.2)
+    figure, axes = Chart.canvas(Chart.WIDTH, 3.2)
     _mark_disturbances(axes, next(iter(pairs.values()))[0], named=True)
-    for (label, (a, b)), role in zip(pairs.items(), cycle(SERIES), strict=False):
+    for (label, (a, b)), role in zip(pairs.items(), cycle(Chart.SERIES), strict=False):
         n = min(len(a.time_ns), len(b.time_ns))
         distance = np.linalg.norm(b.load_position[:n] - a.load_position[:n], axis=1)
-        axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=STAND_IN[role], label=label)
+        axes.semilogy(a.time[:n], distance.clip(min=1e-16), color=Chart.STAND_IN[role], label=label)
     for whose, limit in limits.items():
         axes.axhline(limit, label=f"limit, {whose}", **_LIMIT)
     axes.set(xlabel="time [s]", ylabel="distance [m]", ylim=(1e-13, None))
     axes.margins(x=0.0)
-    figure.legend(loc="outside upper center", ncols=3, columnspacing=spaced(axes.lines))
+    figure.legend(loc="outside upper center", ncols=3, columnspacing=Chart.spaced(axes.lines))
     return figure
 
 
 def _over_time(family: Family, curves: Sequence[RunCurve]) -> Figure:
     """Draw panels one below the other."""
     rows = len(family.panels)
-    figure, grid = canvas(WIDTH, 0.7 + 1.3 * rows, rows, 1, sharex=True, squeeze=False)
+    figure, grid = Chart.canvas(Chart.WIDTH, 0.7 + 1.3 * rows, rows, 1, sharex=True, squeeze=False)
     stack = grid[:, 0]
     first, lines = curves[0].run, [*_lines(family, curves)]
     for k, (axes, panel) in enumerate(zip(stack, family.panels, strict=True)):
@@ -125,7 +126,7 @@ def _constant_axis(interval: Array, unit: str) -> tuple[float, float] | None:
 
 def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
     """Draw the second panel over the first, at equal scale, in the outline of the rig."""
-    figure, axes = canvas(WIDTH, 0.78 * WIDTH)
+    figure, axes = Chart.canvas(Chart.WIDTH, 0.78 * Chart.WIDTH)
     x, y = family.panels
     first = curves[0].run
     if x.limits is not None and y.limits is not None and any(_near_limits(p, curves) for p in (x, y)):
@@ -135,7 +136,7 @@ def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
     _draw_paths(axes, family, curves)
     for curve in (curve for curve in curves if not curve.wide):
         end = x.values(curve.run)[-1:], y.values(curve.run)[-1:]
-        axes.plot(*end, color=STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
+        axes.plot(*end, color=Chart.STAND_IN[curve.colour], marker="o", markersize=4, zorder=5)
     axes.set(xlabel=x.label, ylabel=y.label)
     across = _constant_axis(axes.dataLim.intervalx, x.unit)
     along = _constant_axis(axes.dataLim.intervaly, y.unit)
@@ -149,7 +150,7 @@ def _in_the_plane(family: Family, curves: Sequence[RunCurve]) -> Figure:
 def _in_space(family: Family, curves: Sequence[RunCurve]) -> Figure:
     """Draw three panels as a path in space, with the edges of the rig."""
     space = {"projection": "3d", "computed_zorder": False}
-    figure, axes = canvas(WIDTH, 0.8 * WIDTH, subplot_kw=space)
+    figure, axes = Chart.canvas(Chart.WIDTH, 0.8 * Chart.WIDTH, subplot_kw=space)
     first = curves[0].run
     x, y, rope = first.scenario.rig.workspace
     low, high = np.array([x, y, -rope[::-1]]).T  # where the load can be with a hanging rope
@@ -177,13 +178,13 @@ def _draw_paths(axes: Any, family: Family, curves: Sequence[RunCurve]) -> None:
         axes.plot(*(values[-1:] for values in references), **_REFERENCE_END)
 
 
-_LIMIT: dict[str, Any] = {"color": STAND_IN["limit"], "linewidth": 0.8, "linestyle": (0, (1, 2))}
+_LIMIT: dict[str, Any] = {"color": Chart.STAND_IN["limit"], "linewidth": 0.8, "linestyle": (0, (1, 2))}
 _REFERENCE: dict[str, Any] = {
-    "color": STAND_IN["reference"], "linewidth": 1.0, "linestyle": (0, (5, 3)), "zorder": 4,
+    "color": Chart.STAND_IN["reference"], "linewidth": 1.0, "linestyle": (0, (5, 3)), "zorder": 4,
     "label": "reference",
 }  # fmt: skip
 _REFERENCE_END: dict[str, Any] = {
-    "color": STAND_IN["reference"], "marker": "x", "markersize": 6, "linestyle": "none", "zorder": 6,
+    "color": Chart.STAND_IN["reference"], "marker": "x", "markersize": 6, "linestyle": "none", "zorder": 6,
 }  # fmt: skip
 
 
@@ -191,7 +192,7 @@ def _lines(family: Family, curves: Sequence[RunCurve]) -> Iterator[tuple[Run, li
     """Yield run, values by panel, and style of each curve, wide ones first."""
     for curve in sorted(curves, key=lambda curve: not curve.wide):
         width, opacity, layer = (4.0, 0.35, 2) if curve.wide else (1.1, 1.0, 3)
-        style = {"color": STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
+        style = {"color": Chart.STAND_IN[curve.colour], "linewidth": width, "alpha": opacity, "zorder": layer}
         style |= {"linestyle": curve.dash, "label": f"{curve.label}, {PLANTS.entry(curve.run.plant).label}"}
         yield curve.run, [panel.values(curve.run) for panel in family.panels], style
 
@@ -202,10 +203,12 @@ def _mark_disturbances(axes: Axes, run: Run, *, named: bool) -> None:
     for step in run.scenario.disturbances:
         for time in (step.start, step.end):
             if time is not None:
-                axes.axvline(time, color=STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
+                axes.axvline(time, color=Chart.STAND_IN["muted"], linewidth=0.7, linestyle=(0, (2, 2)))
         if named:
             what = f"{symbols[step.joint]} = {step.magnitude:g} rad/s²" if step.joint else str(step)
-            axes.annotate(what, (step.start, 1.0), (3, 2), color=STAND_IN["muted"], fontsize=7.5, **placement)
+            axes.annotate(
+                what, (step.start, 1.0), (3, 2), color=Chart.STAND_IN["muted"], fontsize=7.5, **placement
+            )
 
 
 def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
@@ -221,14 +224,14 @@ def _near_limits(panel: RunPanel, curves: Sequence[RunCurve]) -> bool:
 def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
     """Add a legend: the labels of colours in a first row, the meaning of lines in a second."""
     colours = [
-        Line2D([], [], color=STAND_IN[colour], linewidth=2.2, label=label)
+        Line2D([], [], color=Chart.STAND_IN[colour], linewidth=2.2, label=label)
         for label, colour in {curve.label: curve.colour for curve in curves}.items()
     ]
     lines = []
     for plant, curve in {curve.run.plant: curve for curve in curves}.items():
         width, opacity = (5.0, 0.35) if curve.wide else (1.1, 1.0)
         style = {"linewidth": width, "alpha": opacity, "linestyle": curve.dash}
-        lines.append(Line2D([], [], color=STAND_IN["ink"], label=PLANTS.entry(plant).label, **style))
+        lines.append(Line2D([], [], color=Chart.STAND_IN["ink"], label=PLANTS.entry(plant).label, **style))
     if any(panel.reference for panel in family.panels) and curves[0].run.has_reference:
         lines.append(Line2D([], [], **_REFERENCE))
     if any(_near_limits(panel, curves) for panel in family.panels):
@@ -237,7 +240,9 @@ def _legend(figure: Figure, family: Family, curves: Sequence[RunCurve]) -> None:
     nothing = Line2D([], [], linestyle="none", label=" ")
     # A legend fills column by column.
     handles = [handle for pair in zip_longest(colours, lines, fillvalue=nothing) for handle in pair]
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, columnspacing=spaced(handles))
+    figure.legend(
+        handles=handles, loc="outside upper center", ncols=columns, columnspacing=Chart.spaced(handles)
+    )
 
 
 def _signal(name: str, *, scale: float = 1.0, unit: str = "", **more: Any) -> RunPanel:
@@ -278,7 +283,7 @@ _RESIDUAL_ANGLES = tuple(
 )
 _AXES_ALONE = tuple(_signal(f"axes.{name}", limits=_range(k)) for k, name in enumerate(_AXES))
 
-FAMILIES = {
+Family.ALL = {
     family.name: family
     for family in (
         Family("space", "load in space", _LOAD, _in_space, "load"),

@@ -12,15 +12,15 @@ from cranectl.compare import Agreement
 from cranectl.metrics import LimitVerdict, Metric, RunMetrics
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen
-from cranectl.report.run.differences import Logs, what_differs, what_was_run
-from cranectl.report.table import VERDICTS, Cell, Table, cells
+from cranectl.report.run.differences import Logs, LogTables
+from cranectl.report.table import Cell, Table
 from cranectl.simulate import Run
 from cranectl.support import Array, Quantity
 
 Summaries = Mapping[str, Sequence[RunSummary]]  # by label of the log
 Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log
 
-BADGES = {True: Cell("PASS", "good"), False: Cell("FAIL", "bad"), None: VERDICTS[None]}
+BADGES = {True: Cell("PASS", "good"), False: Cell("FAIL", "bad"), None: Cell.verdict(None)}
 AGREEMENT_ONLY = Cell("PLANTS AGREE", "good")  # where no limits are set, nobody judges the controller
 MIN_SHOWN_MM = 1e-3  # [mm] of an error that is shown
 
@@ -40,11 +40,11 @@ def first_screen_of(
     figures = tuple(_worst_moment(label, logs, *moment) for label, moment in worst.items())
     if len(logs) == 1:
         (numbers,) = facts.values()
-        return FirstScreen(badge, reason, numbers, (what_was_run(logs),), figures)
+        return FirstScreen(badge, reason, numbers, (LogTables.what_was_run(logs),), figures)
     values = [{fact.name: Cell(fact.value, fact.mark) for fact in of_log} for of_log in facts.values()]
     names = dict.fromkeys(name for of_log in values for name in of_log)
-    rows = tuple(cells(name, *(of_log.get(name, "–") for of_log in values)) for name in names)
-    tables = Table("", ("", *logs), rows), what_differs(logs)
+    rows = tuple(Cell.row(name, *(of_log.get(name, "–") for of_log in values)) for name in names)
+    tables = Table("", ("", *logs), rows), LogTables.what_differs(logs)
     return FirstScreen(badge, reason, (), tuple(filter(None, tables)), figures)
 
 

@@ -11,32 +11,16 @@ from PIL.Image import Image
 from cranectl.cases import RunSummary
 from cranectl.compare import Agreement, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
-from cranectl.planning.review import reviews
+from cranectl.planning.review import Review
 from cranectl.plants import PLANTS
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.plan import plan_figure, plan_tables
-from cranectl.report.run.differences import (
-    SAME,
-    Logs,
-    comparison_table,
-    settings_table,
-    versions_table,
-    what_differs,
-    what_was_run,
-)
-from cranectl.report.run.figures import (
-    DEGREES,
-    FAMILIES,
-    Family,
-    RunCurve,
-    distance_figure,
-    families_of,
-    largest_difference,
-)
+from cranectl.report.plan import PlanReport
+from cranectl.report.run.differences import DifferenceTables, Logs, LogTables
+from cranectl.report.run.figures import DEGREES, Family, RunCurve, distance_figure
 from cranectl.report.run.first_screen import agreement_sentence, first_screen_of
-from cranectl.report.run.tables import limits_table, metrics_table, run_table
-from cranectl.report.table import Table, listed
-from cranectl.report.theme import SERIES
+from cranectl.report.run.tables import RunTables
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import Chart
 from cranectl.simulate import Run
 from cranectl.support import Array, Quantity
 
@@ -46,44 +30,77 @@ SMALL_ANGLE = 1e-3  # [°]; smaller differences are given in rad, which takes pr
 DASHES = ("-", (0, (2, 1)), (0, (1, 1)))  # of plants beside the reference plant
 
 
-@np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
-def log_page(
-    logs: Logs,
-    remade_by: str,
-    notes: Sequence[str] = (),
-    *,
-    versions: Mapping[str, Mapping[str, str]] | None = None,
-    worst: Mapping[str, tuple[float, Image]] | None = None,
-) -> Page:
-    """Return a page of up to four logs; `worst` holds for each the time [s] and picture of its worst moment.
+class LogPage:
+    """The page of up to four logs, and the captions of its figures."""
 
-    `notes` stand above the table of runs. `versions` are of the software that made each log.
-    """
-    pairs = {  # each plant's run with that of the reference plant, where both have samples
-        label: Agreement.pairs([run for run in log.values() if len(run.time_ns)], log)
-        for label, log in logs.items()
-    }
-    agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}
-    summaries = {name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()}
-    judged = limits_table(summaries.values())
-    follow = any(run.has_reference for log in logs.values() for run in log.values())
-    outcome = (run_table(summaries), judged, metrics_table(summaries) if follow else None)
-    settings = [settings_table(logs), versions_table(logs, versions or {})]
-    texts = [*notes]
-    if len(logs) > 1:
-        texts += [SAME] if what_differs(logs) is None else []
-        settings.insert(0, what_was_run(logs))  # the first screen of one log has it
-    anchor = "run" if len(logs) == 1 else "runs"
-    sections = [
-        Section(anchor, "Runs and metrics", tuple(texts), tuple(filter(None, outcome))),
-        Section("figures", "Figures", figures=_figures(logs, pairs, agreements)),
-        *_plans(logs),
-        Section("differences", "Differences", tables=_differences(logs, pairs, agreements)),
-        Section("settings", "Settings", (), tuple(table for table in settings if table.rows)),
-    ]
-    shown = tuple(section for section in sections if section.tables or section.figures)
-    screen = first_screen_of(logs, summaries, agreements, worst or {})
-    return Page(*_title_and_lead(logs), shown, remade_by, screen)
+    @staticmethod
+    @np.errstate(invalid="ignore")  # of a last sample that may hold what stopped its run
+    def of(
+        logs: Logs,
+        remade_by: str,
+        notes: Sequence[str] = (),
+        *,
+        versions: Mapping[str, Mapping[str, str]] | None = None,
+        worst: Mapping[str, tuple[float, Image]] | None = None,
+    ) -> Page:
+        """Return a page of up to four logs; `worst` holds for each time [s] and picture of its worst moment.
+
+        `notes` stand above the table of runs. `versions` are of the software that made each log.
+        """
+        pairs = {  # each plant's run with that of the reference plant, where both have samples
+            label: Agreement.pairs([run for run in log.values() if len(run.time_ns)], log)
+            for label, log in logs.items()
+        }
+        agreements = {label: [judge(*pair) for pair in of_log] for label, of_log in pairs.items()}
+        summaries = {
+            name: [RunSummary.of(run, Path(name)) for run in log.values()] for name, log in logs.items()
+        }
+        judged = RunTables.limits(summaries.values())
+        follow = any(run.has_reference for log in logs.values() for run in log.values())
+        outcome = (RunTables.runs(summaries), judged, RunTables.metrics(summaries) if follow else None)
+        settings = [LogTables.settings(logs), LogTables.versions(logs, versions or {})]
+        texts = [*notes]
+        if len(logs) > 1:
+            texts += [LogTables.SAME] if LogTables.what_differs(logs) is None else []
+            settings.insert(0, LogTables.what_was_run(logs))  # the first screen of one log has it
+        anchor = "run" if len(logs) == 1 else "runs"
+        sections = [
+            Section(anchor, "Runs and metrics", tuple(texts), tuple(filter(None, outcome))),
+            Section("figures", "Figures", figures=_figures(logs, pairs, agreements)),
+            *_plans(logs),
+            Section("differences", "Differences", tables=_differences(logs, pairs, agreements)),
+            Section("settings", "Settings", (), tuple(table for table in settings if table.rows)),
+        ]
+        shown = tuple(section for section in sections if section.tables or section.figures)
+        screen = first_screen_of(logs, summaries, agreements, worst or {})
+        return Page(*_title_and_lead(logs), shown, remade_by, screen)
+
+    @staticmethod
+    def caption(family: Family, runs: Runs) -> str:
+        """Return a sentence with the main number of each run in a figure of this family."""
+        if family.name.startswith("trolley"):
+            return _outside(runs)
+        if family.group == "residual":
+            return _farthest_from_prediction(family, runs)
+        follow, several, parts = all(run.has_reference for run in runs.values()), len(runs) > 1, []
+        shown = runs if follow else {label: run for label, run in runs.items() if run.has("state")}
+        if not shown:
+            return "The angles of the rope were not measured."
+        for what, figure, unit in _CAPTIONS[family.name] if follow else _SWING:
+            texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in shown.items())
+            parts.append(f"{what}: {', '.join(texts)}")
+        return f"{'; '.join(parts)}."
+
+    @staticmethod
+    def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
+        """Return the largest difference between the curves of the pairs, after the phrase `what`."""
+        largest = max(family.largest_difference(*pair) for pair in pairs)
+        unit = family.panels[0].unit
+        if unit == "°" and largest < SMALL_ANGLE:
+            largest, unit = largest / DEGREES, "rad"
+        elif unit == "mm":
+            largest, unit = largest / 1e3, "m"
+        return f"{what} {_kept(largest, unit)}"
 
 
 def _title_and_lead(logs: Logs) -> tuple[str, str]:
@@ -93,7 +110,7 @@ def _title_and_lead(logs: Logs) -> tuple[str, str]:
     controllers = ", ".join(dict.fromkeys(run.controller for run in runs))
     drives = " and ".join(dict.fromkeys(run.drive for run in runs))
     lead = f"{controllers} with {drives} drives, on {', '.join(PLANTS.in_order(run.plant for run in runs))}"
-    title = listed([*(titles if len(titles) > 1 else titles.values())])
+    title = Cell.listed([*(titles if len(titles) > 1 else titles.values())])
     return title, lead if len(logs) == 1 else f"{', '.join(logs)}: {lead}"
 
 
@@ -103,13 +120,15 @@ def _plans(logs: Logs) -> list[Section]:
     seen = []
     for label, log in logs.items():
         scenario = next(iter(log.values())).scenario
-        reviewed = reviews(scenario)
+        reviewed = Review.of(scenario)
         if reviewed and scenario.reference not in seen:
             seen.append(scenario.reference)
             title = "Plan" if len(logs) == 1 else f"Plan, {label}"
             caption = "Bars: when each limit acts. Curves: the use of each limit; at 100 % it allows no more."
-            drawn = Figure.drawn("limits and path", caption, plan_figure, reviewed, scenario, alone=True)
-            tables = tuple(plan_tables(scenario, reviewed))
+            drawn = Figure.drawn(
+                "limits and path", caption, PlanReport.figure, reviewed, scenario, alone=True
+            )
+            tables = tuple(PlanReport.tables(scenario, reviewed))
             sections.append(Section(f"plan-{len(sections)}", title, tables=tables, figures=(drawn,)))
     return sections
 
@@ -123,18 +142,18 @@ def _figures(
     dashes = dict(zip(others, cycle(DASHES), strict=False))
     curves = [
         RunCurve(label, colour, run, wide=plant in others, dash=dashes.get(plant, "-"))
-        for (label, log), colour in zip(logs.items(), SERIES, strict=False)
+        for (label, log), colour in zip(logs.items(), Chart.SERIES, strict=False)
         for plant, run in log.items()
         if len(run.time_ns)
     ]
     if not curves:
         return ()
     figures = []
-    for family in families_of([curve.run for curve in curves]):
+    for family in Family.of([curve.run for curve in curves]):
         drawn = [curve for curve in curves if curve.run.has(family.group)]
-        sentence = caption(family, {curve.label: curve.run for curve in drawn})
+        sentence = LogPage.caption(family, {curve.label: curve.run for curve in drawn})
         if compared:
-            sentence += f" {agreement(family, compared, 'The plants differ by at most')}."
+            sentence += f" {LogPage.agreement(family, compared, 'The plants differ by at most')}."
         figures.append(Figure.drawn(family.title, sentence, family.draw, family, drawn))
     if compared:
         labelled = {
@@ -157,44 +176,17 @@ def _differences(
     for label, of_log in pairs.items():
         for (a, b), judged in zip(of_log, agreements[label], strict=True):
             title = f"{label}: {b.plant} minus {a.plant}"
-            tables.append(comparison_table(title, compare_runs(a, b), folded=bool(judged.passed)))
+            tables.append(DifferenceTables.of_signals(title, compare_runs(a, b), folded=bool(judged.passed)))
     (first_label, first), *others = logs.items()
     for label, log in others:
         plants: dict[Table, list[str]] = {}  # plants whose tables are equal share one
         for plant in first:
             if plant in log and len(first[plant].time_ns) and len(log[plant].time_ns):
-                table = comparison_table("", compare_runs(first[plant], log[plant]))
+                table = DifferenceTables.of_signals("", compare_runs(first[plant], log[plant]))
                 plants.setdefault(table, []).append(plant)
         for table, names in plants.items():
             tables.append(replace(table, title=f"{', '.join(names)}: {label} minus {first_label}"))
     return tuple(tables)
-
-
-def caption(family: Family, runs: Runs) -> str:
-    """Return a sentence with the main number of each run in a figure of this family."""
-    if family.name.startswith("trolley"):
-        return _outside(runs)
-    if family.group == "residual":
-        return _farthest_from_prediction(family, runs)
-    follow, several, parts = all(run.has_reference for run in runs.values()), len(runs) > 1, []
-    shown = runs if follow else {label: run for label, run in runs.items() if run.has("state")}
-    if not shown:
-        return "The angles of the rope were not measured."
-    for what, figure, unit in _CAPTIONS[family.name] if follow else _SWING:
-        texts = (_kept(figure(run), unit) + f" ({label})" * several for label, run in shown.items())
-        parts.append(f"{what}: {', '.join(texts)}")
-    return f"{'; '.join(parts)}."
-
-
-def agreement(family: Family, pairs: Sequence[tuple[Run, Run]], what: str) -> str:
-    """Return the largest difference between the curves of the pairs, after the phrase `what`."""
-    largest = max(largest_difference(family, *pair) for pair in pairs)
-    unit = family.panels[0].unit
-    if unit == "°" and largest < SMALL_ANGLE:
-        largest, unit = largest / DEGREES, "rad"
-    elif unit == "mm":
-        largest, unit = largest / 1e3, "m"
-    return f"{what} {_kept(largest, unit)}"
 
 
 def _outside(runs: Runs) -> str:
@@ -247,7 +239,7 @@ def _accelerations(run: Run) -> list[float]:
 
 
 def _beside(run: Run) -> list[Array]:
-    return [panel.values(run) for panel in FAMILIES["relative-path"].panels]
+    return [panel.values(run) for panel in Family.ALL["relative-path"].panels]
 
 
 def _kept(value: float, unit: str) -> str:

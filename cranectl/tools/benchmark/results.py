@@ -16,14 +16,12 @@ from cranectl.campaign import (
     MANIFEST_FILE,
     Campaign,
     Engine,
+    Manifest,
     PreparedCampaign,
     Results,
     StoppedError,
     Store,
     check_values,
-    differences,
-    manifest_of,
-    open_store,
     read_results,
 )
 from cranectl.controllers import ALL_CONTROLLERS
@@ -31,9 +29,9 @@ from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.support import InputError, MachineError, Provenance, Table
 from cranectl.tools.benchmark.declared import information
 from cranectl.tools.benchmark.settings import Benchmark
-from cranectl.tools.benchmark.table import BenchmarkTable, runs_of
+from cranectl.tools.benchmark.table import BenchmarkTable, Runs
 from cranectl.tools.benchmark.trials import DIVISIONS, Trial, campaign_of, crane_length, trials_of
-from cranectl.tools.benchmark.tuned import tuned_facts, tuned_settings
+from cranectl.tools.benchmark.tuned import TunedResult
 
 ANY_CONTROLLER = FLAT_FAMILY[0]  # stands for all where a result does not depend on the controller
 
@@ -58,7 +56,7 @@ def run_trials(
     """Run all missing batches of `trials`, `workers` trials at a time, and yield each finished trial.
 
     The results are below `directory`. If the caller stops the iteration, finished batches stay there. Raises
-    InputError as `open_store` and campaigns do, except for a controller that refuses the crane.
+    InputError as `Store.open` and campaigns do, except for a controller that refuses the crane.
     """
     stopped = threading.Event()
 
@@ -78,7 +76,7 @@ def run_trials(
             return FinishedTrial(trial, _not_run(results))
         check_values(campaign)
         try:
-            with open_store(
+            with Store.open(
                 campaign, result_directory, resume=True, despite_differences=despite_differences
             ) as store:
                 write_missing(campaign, store)
@@ -100,14 +98,14 @@ def run_trials(
 
 
 def _finished_result(campaign: Campaign, directory: Path) -> Results | None:
-    """Return the finished result of `campaign` by the installed software; None if `open_store` changes it."""
+    """Return the finished result of `campaign` by the installed software; None if `Store.open` changes it."""
     if not (directory / MANIFEST_FILE).exists():
         return None
     try:
         results = read_results(directory)
-    except InputError:  # `open_store` repairs it or raises the error
+    except InputError:  # `Store.open` repairs it or raises the error
         return None
-    expected = manifest_of(campaign)
+    expected = Manifest.of(campaign)
     settings = {name: value for name, value in expected.items() if name not in ("versions", "accepted")}
     is_own = any(not Provenance.differences(o.versions, expected["versions"]) for o in results.origins)
     return results if is_own and results.manifest | settings == results.manifest else None
@@ -153,7 +151,7 @@ def collect_results(
     - A trial has other cranes than the benchmark, another version of a controller, or other tuned numbers.
     """
     trials, nominal, made_by = {}, {}, {}
-    expected_manifest = functools.cache(lambda trial: manifest_of(campaign_of(benchmark, trial)))
+    expected_manifest = functools.cache(lambda trial: Manifest.of(campaign_of(benchmark, trial)))
     lengths = {name: crane_length(benchmark, name) for name in benchmark.scenarios}
     for trial in begun:
         advance(1.0)
@@ -161,7 +159,7 @@ def collect_results(
         if results.missing:
             continue
         _check_same(results, expected_manifest(trial._replace(controller=ANY_CONTROLLER)), trial.controller)
-        trials[trial] = runs_of(results.column, results.campaign.settings.limits.given)
+        trials[trial] = Runs.of(results.column, results.campaign.settings.limits.given)
         for origin in results.origins:
             software = {
                 name: version for name, version in origin.versions.items() if not name.startswith("law ")
@@ -169,7 +167,7 @@ def collect_results(
             made_by[tuple(software.items())] = software
         nominal[trial.scenario] = results.campaign.nominal
         if trial.division == "tuned":
-            numbers = tuned_settings(
+            numbers = TunedResult.settings(
                 tuned, rules, trial.controller, lengths[trial.scenario], str(benchmark.file)
             )
             expected = (*benchmark.set, *benchmark.scenarios[trial.scenario].set, *numbers)
@@ -192,7 +190,7 @@ def collect_results(
         "durations": {name: scenario.duration for name, scenario in nominal.items()},
         "laws": {trial.controller: information(trial.controller) for trial in trials},
         "tuned": {
-            controller: tuned_facts(tuned, rules, controller, str(benchmark.file))
+            controller: TunedResult.facts(tuned, rules, controller, str(benchmark.file))
             for controller in dict.fromkeys(trial.controller for trial in trials if trial.division == "tuned")
         },
     }
@@ -210,7 +208,7 @@ def _check_same(results: Results, expected: Table, controller: str) -> None:
         | {key: expected["scenario"][key] for key in ("controller", "design")},
         "runs": expected["runs"],
     }
-    phrases = differences(adapted, expected)
+    phrases = Manifest.differences(adapted, expected)
     digest = ALL_CONTROLLERS.digests([controller]).items()
     phrases += [f"{controller} has changed" for o in results.origins if not digest <= o.versions.items()][:1]
     if phrases:

@@ -196,15 +196,15 @@ class Benchmark(Settings):
             )
         return self
 
+    @staticmethod
+    def read(name_or_path: str) -> "Benchmark":
+        """Read a benchmark by name or from a TOML file; raise InputError if it is missing or invalid."""
+        path = benchmark_file(name_or_path)
+        benchmark = Benchmark.from_table(TOML.read(path), path.name)
+        benchmark._file = path
+        return benchmark
+
 
 def benchmark_file(name_or_path: str) -> Path:
     """Return the file of a benchmark; raise InputError if there is none."""
     return Shipped.BENCHMARKS.file(name_or_path)
-
-
-def read_benchmark(name_or_path: str) -> Benchmark:
-    """Read a benchmark by name or from a TOML file; raise InputError if it is missing or invalid."""
-    path = benchmark_file(name_or_path)
-    benchmark = Benchmark.from_table(TOML.read(path), path.name)
-    benchmark._file = path
-    return benchmark

@@ -56,11 +56,21 @@ class Runs:
         metrics = {name: values[:cranes] for name, values in self.metrics.items()}
         return Runs(self.failed[:cranes], self.status[:cranes], metrics)
 
+    @staticmethod
+    def in_common(runs: "Sequence[Runs]") -> "list[Runs]":
+        """Return `runs` with only the cranes that all of them have."""
+        cranes = min(run.failed.size for run in runs)
+        return [run.first(cranes) for run in runs]
 
-def restrict_to_common_cranes(runs: Sequence[Runs]) -> list[Runs]:
-    """Return `runs` with only the cranes that all of them have."""
-    cranes = min(run.failed.size for run in runs)
-    return [run.first(cranes) for run in runs]
+    @staticmethod
+    def of(column: Columns, limits: Mapping[str, float]) -> "Runs":
+        """Return the runs of one trial from the columns of its result and the `limits` of its campaign."""
+        metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
+        metrics[EFFORT] = effort(column)
+        metrics[VARIATION] = np.sum(
+            [column(name) for name in Metric.named("command_variation_m_s2").columns], axis=0
+        )
+        return Runs(failed(column, limits), tuple(np.asarray(column("status")).tolist()), metrics)
 
 
 @dataclass(frozen=True)
@@ -77,115 +87,105 @@ class BenchmarkTable:
     about: Mapping[str, Any]
     trials: Mapping[Trial, Runs]
 
+    @staticmethod
+    def write(path: Path, table: "BenchmarkTable") -> None:
+        """Write the table in one atomic step, with metrics to four digits."""
+        import pyarrow
+        from pyarrow import parquet
 
-def runs_of(column: Columns, limits: Mapping[str, float]) -> Runs:
-    """Return the runs of one trial from the columns of its result and the `limits` of its campaign."""
-    metrics = {name: np.asarray(column(name), dtype=np.float64) for name in METRICS}
-    metrics[EFFORT] = effort(column)
-    metrics[VARIATION] = np.sum(
-        [column(name) for name in Metric.named("command_variation_m_s2").columns], axis=0
-    )
-    return Runs(failed(column, limits), tuple(np.asarray(column("status")).tolist()), metrics)
+        columns: dict[str, list[Any]] = {name: [] for name in (*TRIAL_COLUMNS, "sample", "failed", "status")}
+        numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
+        for trial, runs in table.trials.items():
+            n = len(runs.status)
+            for name, value in zip(TRIAL_COLUMNS, trial, strict=True):
+                columns[name] += [value] * n
+            columns["sample"] += range(n)
+            columns["failed"] += runs.failed.tolist()
+            columns["status"] += runs.status
+            for name, values in runs.metrics.items():
+                numbers[name].append(values)
+        arrays = {name: round_metrics(np.concatenate(values)) for name, values in numbers.items()}
+        arrow = pyarrow.table({**columns, **arrays})
+        arrow = arrow.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
+        with File(path).replacing() as unfinished, unfinished.open("wb") as stream:
+            parquet.write_table(arrow, stream, compression="zstd", compression_level=19)
 
+    @staticmethod
+    def read(path: Path) -> "BenchmarkTable":
+        """Read a file of `write`; raise InputError for any other file."""
+        import pyarrow
+        from pyarrow import parquet
 
-def write_table(path: Path, table: BenchmarkTable) -> None:
-    """Write the table in one atomic step, with metrics to four digits."""
-    import pyarrow
-    from pyarrow import parquet
+        try:
+            with File(path).open() as stream:
+                arrow = parquet.read_table(stream)
+            metadata = json.loads(arrow.schema.metadata[ABOUT])
+            about = {name: metadata[name] for name in ABOUT_KEYS}
+            keys = list(zip(*(arrow[name].to_pylist() for name in TRIAL_COLUMNS), strict=True))
+            columns = {
+                name: arrow[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")
+            }
+        except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path} holds no benchmark: {error}",
+                allowed="a file that 'cranectl benchmark report --table' has written",
+                remedy="check the path",
+            ) from None
+        ends = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
+        trials = {}
+        for rows in np.split(np.arange(len(keys)), ends):
+            metrics = {name: columns[name][rows].astype(np.float64) for name in (*METRICS, EFFORT, VARIATION)}
+            failed_runs = columns["failed"][rows].astype(bool)
+            trials[Trial(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
+        return BenchmarkTable(about, trials)
 
-    columns: dict[str, list[Any]] = {name: [] for name in (*TRIAL_COLUMNS, "sample", "failed", "status")}
-    numbers: dict[str, list[Array]] = {name: [] for name in (*METRICS, EFFORT, VARIATION)}
-    for trial, runs in table.trials.items():
-        n = len(runs.status)
-        for name, value in zip(TRIAL_COLUMNS, trial, strict=True):
-            columns[name] += [value] * n
-        columns["sample"] += range(n)
-        columns["failed"] += runs.failed.tolist()
-        columns["status"] += runs.status
-        for name, values in runs.metrics.items():
-            numbers[name].append(values)
-    arrays = {name: round_metrics(np.concatenate(values)) for name, values in numbers.items()}
-    arrow = pyarrow.table({**columns, **arrays})
-    arrow = arrow.replace_schema_metadata({ABOUT: json.dumps(table.about, sort_keys=True)})
-    with File(path).replacing() as unfinished, unfinished.open("wb") as stream:
-        parquet.write_table(arrow, stream, compression="zstd", compression_level=19)
+    @staticmethod
+    def join(tables: "Iterable[BenchmarkTable]") -> "BenchmarkTable":
+        """Join several tables; if two contain the same trial or fact, the first of them is used.
+
+        Raises InputError as `check_comparable` does.
+        """
+        first, *others = tables
+        about, trials = dict(first.about), dict(first.trials)
+        for table in others:
+            table.check_comparable(about)
+            trials = {**table.trials, **trials}
+            about |= {name: {**table.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
+            new_software = [item for item in table.about["made_by"] if item not in about["made_by"]]
+            about["made_by"] = [*about["made_by"], *new_software]
+        return BenchmarkTable(about, trials)
+
+    def check_comparable(self, about: Mapping[str, Any]) -> None:
+        """Raise InputError unless rules, seed, controller files and tuned numbers equal those of `about`."""
+        compared = [(name, self.about[name], about[name]) for name in ("rules", "seed")]
+        for part, fact in (("laws", "file"), ("tuned", "numbers")):
+            facts, expected_facts = self.about[part], about.get(part, {})
+            compared += [
+                (f"{fact} of {controller}", facts[controller][fact], expected_facts[controller][fact])
+                for controller in facts
+                if controller in expected_facts
+            ]
+        for name, actual, expected in compared:
+            if actual != expected:
+                raise InputError(
+                    f"results whose {name} differ: {actual} and {expected}",
+                    allowed="results of one benchmark with the same rules, cranes and controllers",
+                    remedy="run the controllers again with this version of the benchmark",
+                )
+
+    def select(self, controllers: Collection[str]) -> "BenchmarkTable":
+        """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
+        InputError.check_known("controller of the table", controllers, self.about["laws"])
+        about = {
+            part: {name: facts for name, facts in self.about[part].items() if name in controllers}
+            for part in ("laws", "tuned")
+        }
+        return BenchmarkTable(
+            {**self.about, **about}, {p: r for p, r in self.trials.items() if p.controller in controllers}
+        )
 
 
 def round_metrics(values: Array) -> Any:
     """Return values round_metrics to four digits, as float32, which compresses well."""
     scale = 10.0 ** (3 - np.floor(np.log10(np.where(np.abs(values) > 0.0, np.abs(values), 1.0))))
     return (np.round(values * scale) / scale).astype(np.float32)
-
-
-def read_table(path: Path) -> BenchmarkTable:
-    """Read a file of `write_table`; raise InputError for any other file."""
-    import pyarrow
-    from pyarrow import parquet
-
-    try:
-        with File(path).open() as stream:
-            arrow = parquet.read_table(stream)
-        metadata = json.loads(arrow.schema.metadata[ABOUT])
-        about = {name: metadata[name] for name in ABOUT_KEYS}
-        keys = list(zip(*(arrow[name].to_pylist() for name in TRIAL_COLUMNS), strict=True))
-        columns = {name: arrow[name].to_numpy() for name in (*METRICS, EFFORT, VARIATION, "failed", "status")}
-    except (OSError, pyarrow.ArrowException, KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"{path} holds no benchmark: {error}",
-            allowed="a file that 'cranectl benchmark report --table' has written",
-            remedy="check the path",
-        ) from None
-    ends = [k for k in range(1, len(keys)) if keys[k] != keys[k - 1]]
-    trials = {}
-    for rows in np.split(np.arange(len(keys)), ends):
-        metrics = {name: columns[name][rows].astype(np.float64) for name in (*METRICS, EFFORT, VARIATION)}
-        failed_runs = columns["failed"][rows].astype(bool)
-        trials[Trial(*keys[rows[0]])] = Runs(failed_runs, tuple(columns["status"][rows]), metrics)
-    return BenchmarkTable(about, trials)
-
-
-def join_tables(tables: Iterable[BenchmarkTable]) -> BenchmarkTable:
-    """Join several tables; if two contain the same trial or fact, the first of them is used.
-
-    Raises InputError as `check_comparable` does.
-    """
-    first, *others = tables
-    about, trials = dict(first.about), dict(first.trials)
-    for table in others:
-        check_comparable(table, about)
-        trials = {**table.trials, **trials}
-        about |= {name: {**table.about[name], **about[name]} for name in ("durations", "laws", "tuned")}
-        new_software = [item for item in table.about["made_by"] if item not in about["made_by"]]
-        about["made_by"] = [*about["made_by"], *new_software]
-    return BenchmarkTable(about, trials)
-
-
-def check_comparable(table: BenchmarkTable, about: Mapping[str, Any]) -> None:
-    """Raise InputError unless rules, seed, controller files and tuned numbers of `table` equal `about`."""
-    compared = [(name, table.about[name], about[name]) for name in ("rules", "seed")]
-    for part, fact in (("laws", "file"), ("tuned", "numbers")):
-        facts, expected_facts = table.about[part], about.get(part, {})
-        compared += [
-            (f"{fact} of {controller}", facts[controller][fact], expected_facts[controller][fact])
-            for controller in facts
-            if controller in expected_facts
-        ]
-    for name, actual, expected in compared:
-        if actual != expected:
-            raise InputError(
-                f"results whose {name} differ: {actual} and {expected}",
-                allowed="results of one benchmark with the same rules, cranes and controllers",
-                remedy="run the controllers again with this version of the benchmark",
-            )
-
-
-def select_controllers(table: BenchmarkTable, controllers: Collection[str]) -> BenchmarkTable:
-    """Return the table with the trials of `controllers` only; raise InputError if one has no trials."""
-    InputError.check_known("controller of the table", controllers, table.about["laws"])
-    about = {
-        part: {name: facts for name, facts in table.about[part].items() if name in controllers}
-        for part in ("laws", "tuned")
-    }
-    return BenchmarkTable(
-        {**table.about, **about}, {p: r for p, r in table.trials.items() if p.controller in controllers}
-    )

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import cranectl.metrics
-from cranectl.campaign import Campaign, is_distribution, parse_campaign, unchecked_campaign
+from cranectl.campaign import Campaign, CampaignSettings, is_distribution, unchecked_campaign
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.metrics import Limits
 from cranectl.plants import PhysicsStep
-from cranectl.scenario import read_scenario
+from cranectl.scenario import ScenarioFile
 from cranectl.support import InputError, Provenance, Shipped, Tree
 from cranectl.tools.benchmark.settings import (
     RADIUS_PREFIX,
@@ -141,7 +141,7 @@ def crane_length(benchmark: Benchmark, scenario: str) -> float:
 
     Raises InputError if the scenario cannot be read.
     """
-    return read_scenario(scenario_source(benchmark, scenario)).rig.design_scale
+    return ScenarioFile.read(scenario_source(benchmark, scenario)).rig.design_scale
 
 
 def _uncertain(benchmark: Benchmark, cranes: CraneSet, measured: BenchmarkScenario) -> dict[str, Any]:
@@ -186,10 +186,10 @@ def trial_campaign(
         "sampling": "monte-carlo",
         "set": [*benchmark.set, *measured.set, *numbers],
         "uncertain": _flat(benchmark.uncertain, measured.uncertain),
-        "limits": Limits.by_plant(read_scenario(file), [plant])[plant],
+        "limits": Limits.by_plant(ScenarioFile.read(file), [plant])[plant],
         **settings,
     }
-    campaign = unchecked_campaign(parse_campaign(table, benchmark.name))
+    campaign = unchecked_campaign(CampaignSettings.parse(table, benchmark.name))
     # All cranes have the step of the nominal one, so that judged runs do not depend on how steps are chosen.
     return replace(campaign, nominal=PhysicsStep(campaign.nominal, campaign.settings.drive).stated())
 
@@ -219,7 +219,7 @@ def stated_rules(benchmark: Benchmark) -> str:
     """
     scenarios = {}
     for name in benchmark.scenarios:
-        scenario = read_scenario(scenario_source(benchmark, name))
+        scenario = ScenarioFile.read(scenario_source(benchmark, name))
         stated = scenario.model_dump(mode="json", exclude_unset=True, exclude={"title"})
         scenarios[name] = [stated, scenario.rig.model_dump(mode="json")]
     table = benchmark.model_dump(mode="json", exclude={"laws", "seed", "title"})

@@ -8,43 +8,45 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controller_option
-from cranectl.cli.counts import MAX_PORT, Count
-from cranectl.cli.idle import idle_lines, print_idle
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, Interruption, printable
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
 
-@click.command("live", cls=command.Command)
-@command.scenario_argument
-@controller_option
-@command.run_plants_option
-@command.drive_option(default="ideal")
+@click.command("live", cls=Command)
+@ScenarioRequest.argument
+@ControllerName.option
+@Names.run_plants_option
+@ScenarioRequest.drive_option(default="ideal")
 @click.option("--speed", type=float, default=1.0, show_default=True, metavar="X", help="Times real time.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option(
     "--port",
-    type=Count(MAX_PORT, lowest=0),
+    type=Count(Count.MAX_PORT, lowest=0),
     default=8765,
     show_default=True,
     metavar="N",
     help="Port to listen on; 0: any free one.",
 )
 @click.option("--allow-origin", "origins", multiple=True, metavar="URL", help="A web page that may connect.")
-@command.output_option(
+@Command.output_option(
     "--record",
     FileKind.MCAP,
     "Log of the session, a new file. Default: logs/SCENARIO/CONTROLLER-DRIVE-live.mcap or …-2.mcap",
 )
-@command.output_option(
+@Command.output_option(
     "--layout", FileKind.JSON, "Write a layout of this session for its viewer: its rig, what steers it."
 )
-@command.scenario_options
+@ScenarioRequest.options
 def live_command(
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     controller: str | None,
     plants: tuple[str, ...],
     drive: str,
@@ -92,7 +94,9 @@ def live_command(
     log = Case.log_in(Case.LOG_DIRECTORY, loaded, design.name, drive)
     requested = record or log.with_stem(f"{log.stem}-live")
     choices = [(plant, session.drive, name) for plant in plants for name in {design.name, *ALL_CONTROLLERS}]
-    print_idle(Screen(), idle_lines(loaded, request, choices))  # the user may choose any of them
+    IdleSettings.print(
+        Screen(), IdleSettings.lines(loaded, request, choices)
+    )  # the user may choose any of them
     with (
         _until_ended() as stop,
         report_warnings(_warn),
@@ -113,7 +117,7 @@ def live_command(
         server.serve(stop)
     for path in server.recorded or ("nothing recorded",):
         _say(f"recorded: {path}")
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def _say(text: str) -> None:

@@ -38,48 +38,50 @@ class Clock(NamedTuple):
         """The usual time between two rows, rounded to three digits [ns]."""
         return max(nanoseconds(float(f"{float(np.median(np.diff(self.time))):.3g}")), 1000)
 
-
-def read_clock(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) -> Clock:
-    """Read the clock of a file; raise InputError if it stands still or runs back."""
-    if clock.column is None:
-        assert clock.period is not None
-        assert signal.column is not None
-        rows = len(head.read(head.column(signal.column, where)).values)
-        even = np.arange(rows, dtype=np.float64) * clock.period + clock.offset
-        return Clock(even, slice(None), rows, clock.max_gap or USUAL_GAPS * clock.period)
-    times = head.read(head.column(clock.column, where), is_clock=True)
-    time: Array = (1.0 if times.is_time else TIMES[clock.unit]) * times.values + clock.offset
-    kept = np.flatnonzero(np.isfinite(time))
-    late = 0
-    if not head.is_ordered:
-        kept, late = _in_order(time, kept)
-    if clock.repeated == "first":
-        kept = kept[np.diff(time[kept], prepend=-np.inf) != 0.0]
-    if len(kept) < MIN_ROWS:
-        raise InputError(
-            f"{where} has {len(kept)} rows with a time",
-            allowed=f"at least {MIN_ROWS}",
-            remedy="map another column of times",
+    @staticmethod
+    def read(head: TableHead, clock: ClockMap, signal: SignalMap, where: str) -> "Clock":
+        """Read the clock of a file; raise InputError if it stands still or runs back."""
+        if clock.column is None:
+            assert clock.period is not None
+            assert signal.column is not None
+            rows = len(head.read(head.column(signal.column, where)).values)
+            even = np.arange(rows, dtype=np.float64) * clock.period + clock.offset
+            return Clock(even, slice(None), rows, clock.max_gap or USUAL_GAPS * clock.period)
+        times = head.read(head.column(clock.column, where), is_clock=True)
+        time: Array = (1.0 if times.is_time else TIMES[clock.unit]) * times.values + clock.offset
+        kept = np.flatnonzero(np.isfinite(time))
+        late = 0
+        if not head.is_ordered:
+            kept, late = _in_order(time, kept)
+        if clock.repeated == "first":
+            kept = kept[np.diff(time[kept], prepend=-np.inf) != 0.0]
+        if len(kept) < MIN_ROWS:
+            raise InputError(
+                f"{where} has {len(kept)} rows with a time",
+                allowed=f"at least {MIN_ROWS}",
+                remedy="map another column of times",
+            )
+        rows = len(time)
+        time = time if len(kept) == rows and not late else time[kept]
+        steps = np.diff(time)
+        back = np.flatnonzero(~(steps > 0.0))
+        if len(back):
+            row, same = int(back[0]), bool((steps[back] == 0.0).all())
+            does = "stands still" if same else "runs back"
+            raise InputError(
+                f"{where}: time {does} {len(back)} times, first after row {row + 1} at {time[row]:.9g} s",
+                allowed="times that increase from row to row",
+                remedy='write repeated = "first" below the clock, or correct the file'
+                if same
+                else "correct the file, or cut it into parts where the clock starts again",
+            )
+        largest_gap = clock.max_gap or USUAL_GAPS * float(np.median(steps))
+        remark = (
+            f"{late} of {rows} messages of {where} came late; they are sorted by {clock.column}"
+            if late
+            else ""
         )
-    rows = len(time)
-    time = time if len(kept) == rows and not late else time[kept]
-    steps = np.diff(time)
-    back = np.flatnonzero(~(steps > 0.0))
-    if len(back):
-        row, same = int(back[0]), bool((steps[back] == 0.0).all())
-        does = "stands still" if same else "runs back"
-        raise InputError(
-            f"{where}: time {does} {len(back)} times, first after row {row + 1} at {time[row]:.9g} s",
-            allowed="times that increase from row to row",
-            remedy='write repeated = "first" below the clock, or correct the file'
-            if same
-            else "correct the file, or cut it into parts where the clock starts again",
-        )
-    largest_gap = clock.max_gap or USUAL_GAPS * float(np.median(steps))
-    remark = (
-        f"{late} of {rows} messages of {where} came late; they are sorted by {clock.column}" if late else ""
-    )
-    return Clock(time, kept if len(time) < rows or late else slice(None), rows, largest_gap, remark)
+        return Clock(time, kept if len(time) < rows or late else slice(None), rows, largest_gap, remark)
 
 
 def _in_order(time: Array, kept: NDArray[np.intp]) -> tuple[NDArray[np.intp], int]:

@@ -68,23 +68,52 @@ class Trace(NamedTuple):
         first, last = ceil(begin / self.period - 1e-6), int(end / self.period + 1e-6)
         return np.arange(max(first, 0), min(last + 1, len(self.values)))
 
+    @staticmethod
+    def of(run: Run) -> "Trace":
+        """Return the readings of a measured run."""
+        values = run.state.joints
+        period = float(run.time_ns[1] - run.time_ns[0]) / NANOSECONDS if len(run.time_ns) > 1 else 1.0
+        rope = max(float(np.median(np.abs(values[:, 2]))), GRAIN)
+        half_swing = pi * sqrt(rope / run.scenario.rig.gravity)
+        is_fast = 2.0 * half_swing > MIN_SWING_SAMPLES * period
+        noise = np.array([_noise(column) if is_fast else 0.0 for column in values.T])
+        return Trace(values, period, noise, np.maximum(GRAIN, noise / GRAINS_IN_NOISE), half_swing)
+
+    @staticmethod
+    def recalled(kept: Mapping[str, Any]) -> "Trace":
+        """Return the readings of a fingerprint; raise ValueError, LookupError or TypeError for other data."""
+        try:
+            steps = zlib.decompress(base64.b85decode(kept["steps"]))
+        except zlib.error as error:
+            raise ValueError(str(error)) from None
+        counts = np.ascontiguousarray(np.frombuffer(steps, np.uint8).reshape(8, -1).T).view("<i8")
+        noise, grains = (np.array(kept[name], dtype=np.float64) for name in ("noise", "grains"))
+        values = counts.reshape(len(grains), -1).cumsum(axis=1).T * grains
+        return Trace(values, float(kept["period"]), noise, grains, float(kept["half_swing"]))
+
+    @staticmethod
+    def overlap(own: "Trace", other: "Trace") -> "Overlap":
+        """Return for how long a run has the readings of another one."""
+        step = max(own.period, other.period)
+        duration = own.period * (len(own.values) - 1)
+        length = max(own.half_swing, PIECE_SAMPLES * step, duration / MAX_PIECES_OF_RUN)
+        pieces = max(int(duration / length), min(2, int(duration / (MIN_CHANGES * step))))
+        if not pieces or len(other.values) <= MIN_CHANGES:
+            return Overlap(0.0, 0.0)
+        length = duration / pieces
+        search = PieceSearch(other, step, ceil(step / min(own.period, other.period) - 1e-6))
+        lags = [_lag(own, other, search, own.rows(k * length, (k + 1) * length)) for k in range(pieces)]
+        telling = sum(lag is not None for lag in lags)
+        follows = np.abs(np.diff([nan if lag is None else lag for lag in lags])) < step  # nothing follows nan
+        common = int((np.append(follows, False) | np.append(False, follows)).sum())
+        return Overlap(length * common, common / max(telling, 1))
+
 
 class Overlap(NamedTuple):
     """What a run has in common with another."""
 
     seconds: float
     share: float  # of the time in which its readings tell something
-
-
-def trace_of(run: Run) -> Trace:
-    """Return the readings of a measured run."""
-    values = run.state.joints
-    period = float(run.time_ns[1] - run.time_ns[0]) / NANOSECONDS if len(run.time_ns) > 1 else 1.0
-    rope = max(float(np.median(np.abs(values[:, 2]))), GRAIN)
-    half_swing = pi * sqrt(rope / run.scenario.rig.gravity)
-    is_fast = 2.0 * half_swing > MIN_SWING_SAMPLES * period
-    noise = np.array([_noise(column) if is_fast else 0.0 for column in values.T])
-    return Trace(values, period, noise, np.maximum(GRAIN, noise / GRAINS_IN_NOISE), half_swing)
 
 
 def _noise(values: Array) -> float:
@@ -102,7 +131,7 @@ def _noise(values: Array) -> float:
 
 def fingerprint(run: Run) -> dict[str, Any]:
     """Return plain data by which the readings of a measured run are known again."""
-    trace = trace_of(run)
+    trace = Trace.of(run)
     thin = ceil(len(trace.values) / MAX_KEPT)
     counts = np.round(trace.values[::thin] / trace.grains).astype("<i8")
     steps = np.diff(counts, axis=0, prepend=0).T.reshape(-1, 1).view(np.uint8)
@@ -114,35 +143,6 @@ def fingerprint(run: Run) -> dict[str, Any]:
         "half_swing": trace.half_swing,
         "steps": text,
     }
-
-
-def recalled(kept: Mapping[str, Any]) -> Trace:
-    """Return the readings of a fingerprint; raise ValueError, LookupError or TypeError for other data."""
-    try:
-        steps = zlib.decompress(base64.b85decode(kept["steps"]))
-    except zlib.error as error:
-        raise ValueError(str(error)) from None
-    counts = np.ascontiguousarray(np.frombuffer(steps, np.uint8).reshape(8, -1).T).view("<i8")
-    noise, grains = (np.array(kept[name], dtype=np.float64) for name in ("noise", "grains"))
-    values = counts.reshape(len(grains), -1).cumsum(axis=1).T * grains
-    return Trace(values, float(kept["period"]), noise, grains, float(kept["half_swing"]))
-
-
-def overlap(own: Trace, other: Trace) -> Overlap:
-    """Return for how long a run has the readings of another one."""
-    step = max(own.period, other.period)
-    duration = own.period * (len(own.values) - 1)
-    length = max(own.half_swing, PIECE_SAMPLES * step, duration / MAX_PIECES_OF_RUN)
-    pieces = max(int(duration / length), min(2, int(duration / (MIN_CHANGES * step))))
-    if not pieces or len(other.values) <= MIN_CHANGES:
-        return Overlap(0.0, 0.0)
-    length = duration / pieces
-    search = PieceSearch(other, step, ceil(step / min(own.period, other.period) - 1e-6))
-    lags = [_lag(own, other, search, own.rows(k * length, (k + 1) * length)) for k in range(pieces)]
-    telling = sum(lag is not None for lag in lags)
-    follows = np.abs(np.diff([nan if lag is None else lag for lag in lags])) < step  # nothing follows nan
-    common = int((np.append(follows, False) | np.append(False, follows)).sum())
-    return Overlap(length * common, common / max(telling, 1))
 
 
 class PieceSearch:
@@ -221,14 +221,14 @@ def repeated_in(run: Trace, others: Sequence[Trace]) -> int | None:
     """Return the number of the trace, from 0 on, that has most of the run's readings or the reverse."""
     for k, other in enumerate(others):
         is_longer = len(run.values) * run.period > len(other.values) * other.period
-        if overlap(*((other, run) if is_longer else (run, other))).share > MAX_SHARE:
+        if Trace.overlap(*((other, run) if is_longer else (run, other))).share > MAX_SHARE:
             return k
     return None
 
 
 def check_all_differ(runs: Sequence[Run]) -> None:
     """Raise InputError if a run has most of its readings in another one, so that they would count twice."""
-    traces = [trace_of(run) for run in runs]
+    traces = [Trace.of(run) for run in runs]
     for k, trace in enumerate(traces):
         if (first := repeated_in(trace, traces[:k])) is not None:
             raise InputError(

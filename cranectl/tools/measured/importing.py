@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.scenario import NANOSECONDS, RigParameters, load_rig, rig_place
+from cranectl.scenario import NANOSECONDS, RigFile, RigParameters
 from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Mask, TableHead
@@ -25,7 +25,6 @@ from cranectl.tools.measured.clocks import (
     bridged,
     check_gaps,
     imported_part,
-    read_clock,
     sample_times,
 )
 from cranectl.tools.measured.mapping import (
@@ -171,7 +170,7 @@ def import_runs(
 
     Raises InputError as `import_files` does, and for a run that contradicts physics alone.
     """
-    parameters = load_rig(rig or rig_place(mapping.rig, directory))
+    parameters = RigFile.load(rig or RigFile.place(mapping.rig, directory))
     recorded = [
         _record(source, mapping.model_copy(update={"name": source.name}), parameters) for source in sources
     ]
@@ -197,7 +196,7 @@ def _record(source: LogSource, mapping: MeasuredMap, rig: RigParameters) -> Reco
     for signal in sources.values():
         key, path = (signal.file, mapping.clock(signal)), files[signal.file - 1]
         if key not in clocks:
-            clocks[key] = read_clock(heads[signal.file - 1], key[1], signal, str(path))
+            clocks[key] = Clock.read(heads[signal.file - 1], key[1], signal, str(path))
     begin, end = imported_part(sources, clocks, mapping)
     time_ns = sample_times((begin, end), next(iter(clocks.values())).period_ns, mapping)
     time = begin + time_ns / NANOSECONDS

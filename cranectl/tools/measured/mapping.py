@@ -237,7 +237,7 @@ class MeasuredMap(Settings):
         """Return the clock of a signal: its own, that of its file, or that of all files."""
         return signal.clock or (self.clocks[signal.file - 1] if self.clocks else self.time)
 
-
-def read_map(path: Path) -> MeasuredMap:
-    """Read the map of measured files; raise InputError with what is wrong in it."""
-    return MeasuredMap.from_table(TOML.read(path), str(path))
+    @staticmethod
+    def read(path: Path) -> "MeasuredMap":
+        """Read the map of measured files; raise InputError with what is wrong in it."""
+        return MeasuredMap.from_table(TOML.read(path), str(path))

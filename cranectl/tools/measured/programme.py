@@ -34,45 +34,93 @@ SLOWER, MIN_FACTOR = 0.98, 0.5  # of speeds at once, since swing is not quite pr
 SPEED_DIGITS = 6  # of set-points in m/s, in files too
 
 
-def propose_runs(rig: RigParameters, *, seed: int = 0, period: float | None = None) -> tuple[Run, ...]:
-    """Return runs that keep the limits of a crane and tell its numbers, each between two pauses.
+class Programme:
+    """Runs that tell the numbers of a crane, proposed before anybody measures."""
 
-    They have the proposed set-points as commands, and the readings of perfect encoders that the rig's
-    numbers predict. `seed` chooses the patterns. The `period` between two set-points [s] is by default 5 ms
-    on the laboratory rig, and longer on larger cranes. Raises InputError for a period that does not suit
-    the swing of the load.
-    """
-    swing = 2.0 * pi * sqrt(float(np.mean(rig.rope_range)) / rig.gravity)
-    chosen = period or max(round(1000.0 * LAB_PERIOD * sqrt(rig.length_scale)), 1) / 1000.0
-    longest, shortest = (swing / samples for samples in SAMPLES_IN_SWING)
-    if not shortest <= chosen <= longest:
-        raise InputError(
-            f"a set-point each {chosen:g} s, of a load that swings in {swing:.3g} s",
-            allowed=f"periods from {Quantity(shortest).at_least(2)} to {Quantity(longest).at_most(2)} s",
-            remedy="leave --period out, or choose one of those",
+    @staticmethod
+    def runs(rig: RigParameters, *, seed: int = 0, period: float | None = None) -> tuple[Run, ...]:
+        """Return runs that keep the limits of a crane and tell its numbers, each between two pauses.
+
+        They have the proposed set-points as commands, and the readings of perfect encoders that the rig's
+        numbers predict. `seed` chooses the patterns. The `period` between two set-points [s] is by default 5
+        ms on the laboratory rig, and longer on larger cranes. Raises InputError for a period that does not
+        suit the swing of the load.
+        """
+        swing = 2.0 * pi * sqrt(float(np.mean(rig.rope_range)) / rig.gravity)
+        chosen = period or max(round(1000.0 * LAB_PERIOD * sqrt(rig.length_scale)), 1) / 1000.0
+        longest, shortest = (swing / samples for samples in SAMPLES_IN_SWING)
+        if not shortest <= chosen <= longest:
+            raise InputError(
+                f"a set-point each {chosen:g} s, of a load that swings in {swing:.3g} s",
+                allowed=f"periods from {Quantity(shortest).at_least(2)} to {Quantity(longest).at_most(2)} s",
+                remedy="leave --period out, or choose one of those",
+            )
+        rngs = (np.random.default_rng([seed, k]) for k in range(RUNS))
+        return tuple(_slowed_run(rig, *_drawn_motion(rig, rng, swing, chosen), chosen) for rng in rngs)
+
+    @staticmethod
+    def largest_swing(run: Run) -> Array:
+        """Return the largest angles of a run along bridge and trolley [rad], shape (2,)."""
+        largest: Array = np.abs(run.state.angles[:, ::-1]).max(axis=0)
+        return largest
+
+    @staticmethod
+    def predict_estimates(
+        runs: Sequence[Run], rig: RigParameters
+    ) -> tuple[tuple[Estimate, ...], tuple[str, ...]]:
+        """Predict the intervals of `identify` from the least-squares equations at the rig's numbers.
+
+        Return the rig's numbers with the intervals that its encoders leave, and the names of the numbers that
+        cannot be identified: their intervals are as large as the numbers.
+        """
+        most = MAX_READINGS // len(runs)
+        experiments = [Experiment(run, rig, "commands", most) for run in runs]
+        fit = LeastSquares(experiments, unknowns_of(rig, "commands"))
+        fit.drop_without_effect()
+        fit.reduce()
+        while fit.drop_unidentifiable():
+            fit.reduce()
+        estimates = estimates_of(fit, np.zeros_like(fit.inverse), fit.encoder_covariance())
+        wide = [e.name for e, u in zip(estimates, fit.unknowns, strict=True) if e.half_width > u.scale]
+        return estimates, (*(dropped.name for dropped in fit.dropped), *wide)
+
+    @staticmethod
+    def set_points_text(run: Run) -> str:
+        """Return the set-points of a run as CSV: time [s] and speeds of bridge, trolley and rope [m/s]."""
+        rows = zip((run.time_ns / NANOSECONDS).tolist(), run.commands.tolist(), strict=True)
+        lines = (
+            f"{t:.9g}," + ",".join(f"{speed:.{SPEED_DIGITS}f}" for speed in speeds) for t, speeds in rows
         )
-    rngs = (np.random.default_rng([seed, k]) for k in range(RUNS))
-    return tuple(_slowed_run(rig, *_drawn_motion(rig, rng, swing, chosen), chosen) for rng in rngs)
+        return "\n".join([",".join(("time", *COMMANDS)), *lines, ""])
 
-
-def largest_swing(run: Run) -> Array:
-    """Return the largest angles of a run along bridge and trolley [rad], shape (2,)."""
-    largest: Array = np.abs(run.state.angles[:, ::-1]).max(axis=0)
-    return largest
+    @staticmethod
+    def recording_map(name: str, rig: str) -> str:
+        """Return the text of a map for recordings whose columns have the names of signals."""
+        units = dict.fromkeys(POSITIONS, "m") | dict.fromkeys(ANGLES, "rad") | dict.fromkeys(COMMANDS, "m/s")
+        signals = [f'{signal} = {{column = "{signal}", unit = "{unit}"}}' for signal, unit in units.items()]
+        head = [
+            f'name = "{name}"',
+            f'rig = "{rig}"',
+            'commands = "velocity"',
+            "",
+            "[time]",
+            'column = "time"',
+        ]
+        return "\n".join([*head, 'unit = "s"', "", "[signals]", *signals, ""])
 
 
 def _slowed_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
     """Return the predicted run, with horizontal speeds reduced until its swing is allowed."""
     while True:
         run = _predicted_run(rig, start, np.round(speeds, SPEED_DIGITS), period)
-        swing = largest_swing(run)
+        swing = Programme.largest_swing(run)
         if (swing <= MAX_SWING).all():
             return run
         speeds = speeds * [*np.clip(SLOWER * MAX_SWING / swing, MIN_FACTOR, 1.0), 1.0]
 
 
 def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
-    mapping = MeasuredMap.from_table(tomllib.loads(recording_map("proposed", "lab-rig")), "the map")
+    mapping = MeasuredMap.from_table(tomllib.loads(Programme.recording_map("proposed", "lab-rig")), "the map")
 
     def run_with(readings: Array) -> Run:
         signals = dict(zip((*CHANNELS, *COMMANDS), np.hstack([readings, speeds]).T, strict=True))
@@ -119,38 +167,3 @@ def _drawn_motion(
         since = time - begin
         speeds[:, axis] += speed * np.minimum(since / ramp, (hold + 2.0 * ramp - since) / ramp).clip(0.0, 1.0)
     return start, speeds
-
-
-def predict_estimates(
-    runs: Sequence[Run], rig: RigParameters
-) -> tuple[tuple[Estimate, ...], tuple[str, ...]]:
-    """Predict the intervals of `identify` from the least-squares equations at the rig's numbers.
-
-    Return the rig's numbers with the intervals that its encoders leave, and the names of the numbers that
-    cannot be identified: their intervals are as large as the numbers.
-    """
-    most = MAX_READINGS // len(runs)
-    experiments = [Experiment(run, rig, "commands", most) for run in runs]
-    fit = LeastSquares(experiments, unknowns_of(rig, "commands"))
-    fit.drop_without_effect()
-    fit.reduce()
-    while fit.drop_unidentifiable():
-        fit.reduce()
-    estimates = estimates_of(fit, np.zeros_like(fit.inverse), fit.encoder_covariance())
-    wide = [e.name for e, u in zip(estimates, fit.unknowns, strict=True) if e.half_width > u.scale]
-    return estimates, (*(dropped.name for dropped in fit.dropped), *wide)
-
-
-def set_points_text(run: Run) -> str:
-    """Return the set-points of a run as CSV: time [s] and the speeds of bridge, trolley and rope [m/s]."""
-    rows = zip((run.time_ns / NANOSECONDS).tolist(), run.commands.tolist(), strict=True)
-    lines = (f"{t:.9g}," + ",".join(f"{speed:.{SPEED_DIGITS}f}" for speed in speeds) for t, speeds in rows)
-    return "\n".join([",".join(("time", *COMMANDS)), *lines, ""])
-
-
-def recording_map(name: str, rig: str) -> str:
-    """Return the text of a map for recordings whose columns have the names of signals."""
-    units = dict.fromkeys(POSITIONS, "m") | dict.fromkeys(ANGLES, "rad") | dict.fromkeys(COMMANDS, "m/s")
-    signals = [f'{signal} = {{column = "{signal}", unit = "{unit}"}}' for signal, unit in units.items()]
-    head = [f'name = "{name}"', f'rig = "{rig}"', 'commands = "velocity"', "", "[time]", 'column = "time"']
-    return "\n".join([*head, 'unit = "s"', "", "[signals]", *signals, ""])

@@ -25,7 +25,7 @@ from cranectl.tools.measured.comparison import (
 )
 from cranectl.tools.measured.experiment import MIN_SAMPLES_IN_SWING, Experiment
 from cranectl.tools.measured.fit import Fit
-from cranectl.tools.measured.identity import overlap, trace_of
+from cranectl.tools.measured.identity import Trace
 from cranectl.tools.measured.uncertainty import BAND_DEVIATIONS, UncertainPrediction, predict_with_errors
 
 ENOUGH_LARGER = 20  # draws with a larger statistic, from which their share is known well enough
@@ -135,9 +135,9 @@ def judge(runs: Mapping[str, Run], fit: Fit, *, tolerance: float | None = None) 
     readings were used to identify the crane, whatever its file is called and however it was imported.
     """
     for name, run in runs.items():
-        trace = trace_of(run)
+        trace = Trace.of(run)
         for number, used in enumerate(fit.used, 1):
-            if (common := overlap(trace, used)).seconds > 0.0:
+            if (common := Trace.overlap(trace, used)).seconds > 0.0:
                 raise InputError(
                     f"{common.seconds:.3g} s of {name} were used to identify the crane (log {number})",
                     allowed="runs that were not used",

@@ -4,14 +4,15 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import PATH, Command, OutputFile, label_option
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.command import Command, OutputFile
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.names import Names
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 
 @click.command("render", cls=Command)
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=PATH)
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=Command.PATH)
 @click.argument("out", metavar="OUT.mp4|.gif|.png", type=OutputFile(endings=FileKind.VIDEOS))
 @click.option(
     "--time",
@@ -30,7 +31,7 @@ from cranectl.support import FileKind
     "--camera", default="overview", show_default=True, metavar="NAME", help="overview, side or top."
 )
 @click.option("--plots", is_flag=True, help="Error, angles, tension and distance of the plants beside it.")
-@label_option
+@Names.label_option
 def render_command(
     logs: tuple[Path, ...],
     out: Path,
@@ -60,8 +61,8 @@ def render_command(
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
     runs = (Log.gather(logs, labels=labels) if labels or len(logs) > 1 else Log.read(logs[0])).runs
-    with progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
+    with Screen.progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.suffix == ".png" else f"video of {shown:g} s"
     Screen().print(f"{what}: {out}")
-    return exit_codes.GOOD
+    return ExitCode.GOOD

@@ -19,7 +19,7 @@ from cranectl.support import Array, File, InputError, Palette
 from cranectl.tools.render.caption import Caption
 from cranectl.tools.render.opengl import check_engine
 from cranectl.tools.render.plots import Plots
-from cranectl.tools.render.timeline import Timeline, timeline_of
+from cranectl.tools.render.timeline import Timeline
 
 CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
@@ -118,7 +118,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     `progress` is called with the simulated seconds that each picture adds. Raises InputError for a time
     outside the run, a GIF that is too long, no OpenGL, no encoder, or a file that cannot be written.
     """
-    timeline = timeline_of(runs)
+    timeline = Timeline.of(runs)
     times = _times(timeline, settings)
     if settings.suffix == ".mp4":
         check_encoder()
@@ -137,7 +137,7 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
 
 def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
     """Return the time at which the load is farthest from its reference [s], and its picture."""
-    timeline = timeline_of(runs)
+    timeline = Timeline.of(runs)
     with _painter(timeline, render_settings(Path("worst.png"))) as paint:
         return timeline.worst_time, paint(timeline.worst_time)
 

@@ -114,36 +114,36 @@ class Timeline:
         worst = max(following, key=lambda track: float(track.error.max()))
         return float(worst.run.time[int(np.argmax(worst.error))])
 
-
-def timeline_of(runs: Mapping[str, Run]) -> Timeline:
-    """Return the timeline of runs by plant or label; raise InputError if none has a sample."""
-    for name, run in runs.items():
-        if not run.has("state", "load"):
+    @staticmethod
+    def of(runs: Mapping[str, Run]) -> "Timeline":
+        """Return the timeline of runs by plant or label; raise InputError if none has a sample."""
+        for name, run in runs.items():
+            if not run.has("state", "load"):
+                raise InputError(
+                    f"the run of {name} has no angles of the rope: where its load was is not known",
+                    allowed="runs with positions, angles and load",
+                    remedy="map the columns of both angles, and import the files again",
+                )
+        drawn = {name: _without_invalid_samples(run) for name, run in runs.items()}
+        drawn = {name: run for name, run in drawn.items() if len(run.time_ns)}
+        if not drawn:
             raise InputError(
-                f"the run of {name} has no angles of the rope: where its load was is not known",
-                allowed="runs with positions, angles and load",
-                remedy="map the columns of both angles, and import the files again",
+                "the log holds no sample, since its runs stopped before their first",
+                allowed="logs of runs with samples",
+                remedy="cranectl info says why a run stopped",
             )
-    drawn = {name: _without_invalid_samples(run) for name, run in runs.items()}
-    drawn = {name: run for name, run in drawn.items() if len(run.time_ns)}
-    if not drawn:
-        raise InputError(
-            "the log holds no sample, since its runs stopped before their first",
-            allowed="logs of runs with samples",
-            remedy="cranectl info says why a run stopped",
-        )
-    by_label = any(name != run.plant for name, run in runs.items())
-    if by_label:
-        solid = next(iter(drawn))
-        blue, orange, *more = Palette.VIEWER.series
-        # The model's bridge is orange, so the solid run has that colour.
-        colours = dict(zip(runs, (orange, blue, *more), strict=False))
-        tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
-    else:
-        solid = PLANTS.shown(drawn)
-        entries = [(run, PLANTS.entry(run.plant)) for run in drawn.values()]
-        tracks = [Track(run, run.plant != solid, e.label, Palette.LIGHT[e.colour]) for run, e in entries]
-    return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)
+        by_label = any(name != run.plant for name, run in runs.items())
+        if by_label:
+            solid = next(iter(drawn))
+            blue, orange, *more = Palette.VIEWER.series
+            # The model's bridge is orange, so the solid run has that colour.
+            colours = dict(zip(runs, (orange, blue, *more), strict=False))
+            tracks = [Track(run, name != solid, name, colours[name]) for name, run in drawn.items()]
+        else:
+            solid = PLANTS.shown(drawn)
+            entries = [(run, PLANTS.entry(run.plant)) for run in drawn.values()]
+            tracks = [Track(run, run.plant != solid, e.label, Palette.LIGHT[e.colour]) for run, e in entries]
+        return Timeline(tuple(tracks), max(float(run.time[-1]) for run in drawn.values()), by_label)
 
 
 def _without_invalid_samples(run: Run) -> Run:

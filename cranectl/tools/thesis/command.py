@@ -4,15 +4,17 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import Command, command_given, json_option, output_option
-from cranectl.cli.output import FAILED, PASSED, Screen, progress_bar
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 
 @click.command("thesis", cls=Command)
-@output_option("--report", FileKind.HTML, "Also write tables and all figures of the thesis as one HTML page.")
-@json_option
+@Command.output_option(
+    "--report", FileKind.HTML, "Also write tables and all figures of the thesis as one HTML page."
+)
+@Command.json_option
 def thesis_command(report: Path | None, screen: Screen) -> int:
     """Run chapter 5 of the thesis again and compare its numbers.
 
@@ -29,23 +31,22 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | None = None) -> int:
     """Run the chapter, print it, write the requested page and its figures; return the exit code."""
-    from cranectl.report.page import write_figures
     from cranectl.tools.thesis.page import ChapterFigures, printed_tables, thesis_page
     from cranectl.tools.thesis.reproduction import reproduce, total_simulated_seconds
 
     figures = ChapterFigures() if report is not None else None
-    with progress_bar(total_simulated_seconds()) as advance:
+    with Screen.progress_bar(total_simulated_seconds()) as advance:
         result = reproduce(lambda name, seconds: advance(seconds, name), figures.watch if figures else None)
     screen.print_each(printed_tables(result).values())
     screen.print_each(result.notes())
     verdict = (
         f"{result.summary}; ? marks the fitted tolerances" if result.passed else "see the numbers in red"
     )
-    screen.print(f"{PASSED if result.passed else FAILED}: {verdict}")
+    screen.print(f"{Screen.PASSED if result.passed else Screen.FAILED}: {verdict}")
     if report is not None and figures is not None:
-        page = thesis_page(result, figures, command_given())
+        page = thesis_page(result, figures, Command.given())
         screen.save_page(page, report)
         if figure_directory is not None:
-            screen.print(f"figures: {write_figures(page, figure_directory)} files in {figure_directory}")
+            screen.print(f"figures: {page.write_figures(figure_directory)} files in {figure_directory}")
     screen.write_json(result.to_json())
-    return exit_codes.GOOD if result.passed else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if result.passed else ExitCode.LIMIT_EXCEEDED

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure as Drawing
 
 from cranectl.planning import load_scenario
 from cranectl.reference import TimeLaw
-from cranectl.report.design import loop_shaping_figure
+from cranectl.report.design import DesignReport
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.run.figures import FAMILIES, RunCurve
-from cranectl.report.run.page import agreement, caption
-from cranectl.report.table import Cell, Table, cells
-from cranectl.report.theme import SERIES, WIDTH, canvas
+from cranectl.report.run.figures import Family, RunCurve
+from cranectl.report.run.page import LogPage
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import Chart
 from cranectl.simulate import Run
 from cranectl.support import TOML, Shipped
 from cranectl.tools.thesis.reproduction import (
@@ -37,7 +37,7 @@ FIRST_FIGURE = {"fixed-position": 10, "settled-trajectory": 29}
 DIAGRAMS: dict[str, dict[str, str]] = TOML.read(Shipped.THESIS_FOLDER / "diagrams.toml")
 DIAGRAM_DIRECTORY = Shipped.THESIS_FOLDER / "diagrams"
 SOURCE_NAMES = {"analytic": "analytic", "mujoco": "MuJoCo", "mujoco_velocity": "velocity\ndrives"}
-# In the order of the thesis's figures, beside "space"; FAMILIES has more, without a figure there.
+# In the order of the thesis's figures, beside "space"; `Family.ALL` has more, without a figure there.
 FAMILY_NAMES = (
     "error", "linear-input", "input", "trolley", "angles", "load",
     "trolley-path", "load-path", "relative-path",
@@ -67,7 +67,7 @@ class ChapterFigures:
 def gain_table(reproduction: Reproduction) -> Table:
     """Return a table of the gains of both feedbacks."""
     named = reproduction.gains.items()
-    rows = tuple(cells(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains)) for name, gains in named)
+    rows = tuple(Cell.row(FEEDBACK[name], *(f"{gain:.5g}" for gain in gains)) for name, gains in named)
     headings = ("feedback", "k₀ [1/s⁴]", "k₁ [1/s³]", "k₂ [1/s²]", "k₃ [1/s]")
     return Table("State feedback gains, one axis", headings, rows, note="Not printed in the thesis.")
 
@@ -79,7 +79,9 @@ def robustifier_table(reproduction: Reproduction) -> Table:
         if design.gamma_achieved is not None:
             offset = design.gain[0] / (design.gain[0] + design.robustifier.static_gain)
             mode = (_format(number, ".4g") for number in design.robustifier.fastest_mode)
-            rows.append(cells(controller_name(name), _format(design.gamma_achieved), _format(offset), *mode))
+            rows.append(
+                Cell.row(controller_name(name), _format(design.gamma_achieved), _format(offset), *mode)
+            )
     headings = ("controller", "γ achieved", "S(0)", "fastest pole [1/s]", "gain through it [1/s⁴]")
     note = (
         "S(0) is what remains of a steady error: nothing with an integrator, γ A with S/KS. S/KS leads "
@@ -95,7 +97,7 @@ def printed_tables(reproduction: Reproduction) -> dict[str, Table]:
 
 def _comparison(table: ThesisTable) -> Table:
     rows = tuple(
-        cells(controller_name(controller) if k == 0 else "", SYMBOLS[column], *_numbers(number))
+        Cell.row(controller_name(controller) if k == 0 else "", SYMBOLS[column], *_numbers(number))
         for controller, numbers in table.rows.items()
         for k, (column, number) in enumerate(numbers.items())
     )
@@ -157,7 +159,7 @@ def _summary(reproduction: Reproduction) -> Section:
         f"plant and with MuJoCo's: {reproduction.summary}. A fitted tolerance allows for a difference that "
         "nobody can explain yet."
     )
-    rows = tuple(cells(", ".join(numbers), why) for why, numbers in reproduction.open_points.items())
+    rows = tuple(Cell.row(", ".join(numbers), why) for why, numbers in reproduction.open_points.items())
     title = f"What nobody can explain: {len(rows)} differences"
     table = Table(title, ("table and column", "what is known"), rows, labels=2, folded=True)
     sentences = (f"{text[0].upper()}{text[1:]}." for text in reproduction.unnoticed)
@@ -166,7 +168,7 @@ def _summary(reproduction: Reproduction) -> Section:
 
 def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
     """Yield the figures of one scenario and one feedback, with all its robustifiers."""
-    labels = dict(zip(ROBUSTIFIERS.items(), SERIES, strict=False))
+    labels = dict(zip(ROBUSTIFIERS.items(), Chart.SERIES, strict=False))
     curves = [
         RunCurve(label, colour, runs[robustifier, plant], wide=plant == "analytic")
         for (robustifier, label), colour in labels.items()
@@ -183,10 +185,10 @@ def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterab
         for source in ("mujoco", "mujoco_velocity")
     )
     for name, position in numbers.items():
-        family = FAMILIES[name]
-        difference = agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
-        with_lag = agreement(family, velocity, "with velocity drives by")
-        text = f"{caption(family, shown)} {difference}, {with_lag}."
+        family = Family.ALL[name]
+        difference = LogPage.agreement(family, ideal, "Analytic and MuJoCo curves differ by at most")
+        with_lag = LogPage.agreement(family, velocity, "with velocity drives by")
+        text = f"{LogPage.caption(family, shown)} {difference}, {with_lag}."
         title = f"{family.title}, {FEEDBACK[feedback]}"
         options = {"alone": name == "space", "number": f"5.{position}"}
         yield Figure.drawn(title, text, family.draw, family, curves, **options)
@@ -225,7 +227,7 @@ def _time_law_figure() -> Figure:
 def _draw_time_laws() -> Drawing:
     """Draw position, velocity, acceleration of both time laws."""
     tau = np.linspace(0.0, 1.0, 401)
-    drawing, stack = canvas(WIDTH, 4.6, 3, 1, sharex=True)
+    drawing, stack = Chart.canvas(Chart.WIDTH, 4.6, 3, 1, sharex=True)
     for name, style in (("degree-5", {"linewidth": 2.0}), ("degree-9", {"linestyle": (0, (5, 2))})):
         for axes, values in zip(stack, TimeLaw(name).sample(tau), strict=False):
             axes.plot(tau, values, label=name.replace("-", " "), **style)
@@ -249,4 +251,4 @@ def _design_figures(reproduction: Reproduction) -> Iterable[Figure]:
             f"{np.degrees(margins.phase_margin):.0f}°; modulus margin {margins.modulus_margin:.2f}."
         )
         title = f"Singular values and shaped loop, {name} with loop shaping"
-        yield Figure.drawn(title, text, loop_shaping_figure, design, settings, number=number)
+        yield Figure.drawn(title, text, DesignReport.loop_shaping_figure, design, settings, number=number)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from cranectl.loaders.opening import close_controllers
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from tests.reference.recordings import scenario_text
 from tests.tools.benchmark.tiny import STEP
 
@@ -118,4 +118,4 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.fixture
 def benchmark(small: Path) -> Benchmark:
     """Return the small benchmark."""
-    return read_benchmark(str(small))
+    return Benchmark.read(str(small))

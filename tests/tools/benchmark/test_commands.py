@@ -14,7 +14,7 @@ from cranectl.support.documents import TOML
 from cranectl.support.resources import Shipped
 from cranectl.support.trees import Tree
 from cranectl.tools.benchmark.commands.benchmark import _table_place
-from cranectl.tools.benchmark.table import read_table
+from cranectl.tools.benchmark.table import BenchmarkTable
 from tests.cli.suggestions import commands_of_page, execute
 from tests.conftest import ROOT
 from tests.tools.benchmark.conftest import SHORT
@@ -147,7 +147,7 @@ def test_benchmark_runs_from_file_to_page(output: Output, refused: Refused) -> N
     ]
     assert "set points" in Path("page.html").read_text(encoding="utf-8")
 
-    table = read_table(Path("all.parquet"))
+    table = BenchmarkTable.read(Path("all.parquet"))
     assert len(table.trials) == len(parts)
     assert all(np.isfinite(runs.metrics["rms_error_m"]).all() for runs in table.trials.values())
     assert execute(f"{REPORT} --controller lqr-integral --beside all.parquet --out other.html") == 0

@@ -9,8 +9,8 @@ from cranectl.report.page import Section
 from cranectl.tools.benchmark.ranking import Judged
 from cranectl.tools.benchmark.report.page import benchmark_page
 from cranectl.tools.benchmark.report.pictures import draw_set
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
-from cranectl.tools.benchmark.table import BenchmarkTable, Runs, join_tables
+from cranectl.tools.benchmark.settings import Benchmark
+from cranectl.tools.benchmark.table import BenchmarkTable, Runs
 from tests.tools.benchmark.test_page import FACTS, runs, sections, table, texts
 
 OURS = "lqr-offset-free"
@@ -28,7 +28,7 @@ def both_divisions(benchmark: Benchmark, ours: float = 0.01) -> BenchmarkTable:
     published = {"helped": many(0.02, 30), "harmed": many(0.02, 1), OURS: many(ours, 0)}
     tuned = {"helped": many(0.02, 2), "harmed": many(0.02, 25), OURS: many(ours, 1)}
     tables = (table(benchmark, tuned, "tuned"), table(benchmark, published, "published"))
-    return join_tables(tables)
+    return BenchmarkTable.join(tables)
 
 
 def test_page_begins_with_pictures_and_has_caveats_above_tables(benchmark: Benchmark) -> None:
@@ -101,7 +101,7 @@ def test_yours_is_marked_and_shown_where_scenarios_are_missing(small: Path, shar
     """With one of two scenarios it is not ranked, but stands in the table and in the picture."""
     text = small.read_text(encoding="utf-8")
     small.write_text(text.replace('suits = ["path"]\nset', 'suits = ["path", "set-point"]\nset'))
-    benchmark = read_benchmark("small.toml")
+    benchmark = Benchmark.read("small.toml")
     results = table(benchmark, {"lqr-integral": runs(0.02), "mine": runs(0.01)}, "published", "tuned")
     trials = {trial: of for trial, of in results.trials.items() if trial[0] != "tuned" or trial[4] != "mine"}
     for trial in list(trials):

@@ -16,15 +16,7 @@ from cranectl.tools.benchmark.declared import information, information_class
 from cranectl.tools.benchmark.ranking import Judged, points_of
 from cranectl.tools.benchmark.report.page import benchmark_page
 from cranectl.tools.benchmark.settings import Benchmark
-from cranectl.tools.benchmark.table import (
-    METRICS,
-    VARIATION,
-    BenchmarkTable,
-    Runs,
-    join_tables,
-    read_table,
-    write_table,
-)
+from cranectl.tools.benchmark.table import METRICS, VARIATION, BenchmarkTable, Runs
 from cranectl.tools.benchmark.trials import Division, Trial, sets_of
 from tests.controllers.own_controllers import FOLLOWING, known
 
@@ -84,7 +76,9 @@ def texts(shown: Table) -> Texts:
 
 def test_divisions_share_a_page_but_no_table(benchmark: Benchmark) -> None:
     published = table(benchmark, {"first": runs(0.02), "second": runs(0.03)}, "published")
-    both = join_tables([published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")])
+    both = BenchmarkTable.join(
+        [published, table(benchmark, {"first": runs(0.01), "third": runs(0.05)}, "tuned")]
+    )
     by_anchor = sections(benchmark, both)
     first = ["result", "conclusions", "caveats", "before-after", "summary", "rules", "tuning"]
     sets = ("nominal", "wide", "radius", "single", "second")
@@ -141,7 +135,7 @@ def test_single_effects_show_five_best_and_fold_others(benchmark: Benchmark) -> 
 def test_radius_outside_the_measured_spreads_is_shown(benchmark: Benchmark) -> None:
     results = table(benchmark, {"never": runs(0.01), "always": runs(0.01, failures=RUNS)}, "published")
     wide = Trial("published", "mujoco", "spread-3", "short", "between")
-    results = join_tables([results, table(benchmark, {"between": runs(0.01)}, "published")])
+    results = BenchmarkTable.join([results, table(benchmark, {"between": runs(0.01)}, "published")])
     results = BenchmarkTable(results.about, {**results.trials, wide: runs(0.01, failures=1)})
     (shown,) = sections(benchmark, results)["published-radius"].tables
     assert [(row[0], row[2]) for row in texts(shown)] == [
@@ -237,32 +231,32 @@ def test_controllers_are_compared_on_common_cranes(benchmark: Benchmark) -> None
 def test_tables_of_different_controllers_or_numbers_are_not_joined(benchmark: Benchmark) -> None:
     one, other = (table(benchmark, {"mine": runs(error)}, "published") for error in (0.01, 0.02))
     one.about["durations"].pop("path")
-    both = join_tables([one, other])
+    both = BenchmarkTable.join([one, other])
     assert both.about["durations"] == {"short": 1.0, "path": 0.8}
     assert both.trials == one.trials
     other.about["laws"]["mine"]["file"] = "def"
     with pytest.raises(InputError, match="results whose file of mine differ: def and "):
-        join_tables([one, other])
+        BenchmarkTable.join([one, other])
     one, other = (table(benchmark, {"mine": runs(0.01)}, "tuned") for _ in range(2))
     other.about["tuned"]["mine"] = {**one.about["tuned"]["mine"], "numbers": {"x": [1.0, 2.0]}}
     with pytest.raises(InputError, match="results whose numbers of mine differ"):
-        join_tables([one, other])
+        BenchmarkTable.join([one, other])
 
 
 def test_table_is_read_as_written_or_refused(benchmark: Benchmark) -> None:
     results = table(benchmark, {"first": runs(0.01, failures=1)}, "tuned")
     file = Path("made.parquet")
-    write_table(file, results)
-    read = read_table(file)
+    BenchmarkTable.write(file, results)
+    read = BenchmarkTable.read(file)
     assert read.about == results.about
     for trial, expected in results.trials.items():
         np.testing.assert_array_equal(read.trials[trial].failed, expected.failed)
         np.testing.assert_allclose(read.trials[trial].metrics["rms_error_m"], expected.metrics["rms_error_m"])
     results.about.pop("tuned")
-    write_table(file, results)
+    BenchmarkTable.write(file, results)
     for damaged in (file, Path("small.toml")):
         with pytest.raises(InputError, match=f"{damaged.name} holds no benchmark"):
-            read_table(damaged)
+            BenchmarkTable.read(damaged)
 
 
 def test_classes_of_information() -> None:

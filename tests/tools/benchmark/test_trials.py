@@ -12,7 +12,7 @@ from cranectl.loaders.opening import open_controller
 from cranectl.plants.steps import PhysicsStep
 from cranectl.support.errors import InputError
 from cranectl.support.resources import Shipped
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from cranectl.tools.benchmark.trials import Trial, campaign_of, rules_of, trials_of
 
 
@@ -50,7 +50,7 @@ def test_wider_set_has_the_same_cranes_with_larger_deviations(benchmark: Benchma
 
 def test_judged_cranes_keep_the_step_of_the_nominal_crane() -> None:
     """The rows of the table were simulated with these steps, which a lag of 1.25 ms would now shorten."""
-    literature = read_benchmark("literature")
+    literature = Benchmark.read("literature")
     for scenario in literature.scenarios:
         for cranes in ("nominal", "hard", "spread-4"):
             campaign = campaign_of(literature, Trial("tuned", "mujoco", cranes, scenario, "lqr"))
@@ -104,7 +104,7 @@ def test_sets_with_one_uncertainty(benchmark: Benchmark) -> None:
 
 def test_rules_exclude_controllers_and_seed(small: Path) -> None:
     def rules() -> str:
-        return rules_of(read_benchmark(str(small)))
+        return rules_of(Benchmark.read(str(small)))
 
     first, scenario = rules(), small.parent / "short.toml"
     for file, old, new, is_same in (
@@ -128,12 +128,12 @@ def test_validation_does_not_use_the_cranes_of_the_ranking(small: Path) -> None:
     """`tests/cli/test_key_remedies_rules.py` has the other rules."""
     small.write_text(small.read_text().replace("seed = 6", "seed = 3"))
     with pytest.raises(InputError, match="a seed other than 3 of the ranking and 5 of the search"):
-        read_benchmark(str(small))
+        Benchmark.read(str(small))
 
 
 @pytest.mark.parametrize("name", Shipped.BENCHMARKS.names())
 def test_shipped_benchmarks_can_be_run(name: str) -> None:
-    benchmark = read_benchmark(name)
+    benchmark = Benchmark.read(name)
     assert benchmark.baseline in benchmark.laws
     for trial in trials_of(benchmark, ("lqr-integral",)):
         check_values(campaign_of(benchmark, trial))

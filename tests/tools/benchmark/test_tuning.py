@@ -20,11 +20,11 @@ from cranectl.planning import load_scenario
 from cranectl.support.documents import TOML
 from cranectl.support.errors import InputError, MachineError
 from cranectl.support.resources import Shipped
-from cranectl.tools.benchmark import tuned
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 from cranectl.tools.benchmark.declared import assignments, variables_of
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from cranectl.tools.benchmark.trials import rules_of, trial_campaign
+from cranectl.tools.benchmark.tuned import TunedResult
 from cranectl.tools.benchmark.tuning import REFUSED, Point, Tuned, run_cost, tune
 from tests.benchmark.conftest import close_opened_controllers
 from tests.cli.suggestions import execute, suggested_commands
@@ -167,7 +167,7 @@ def test_interrupted_search_goes_on(
     """The result has the same bytes, and no candidate of before runs again."""
     command = ["tune", "mine.py:MINE", "--benchmark", "tiny.toml", "--trust", "--workers", "1"]
     assert main([*command, "--out", "whole"]) == 0
-    write, written = tuned.write_points, []
+    write, written = TunedResult.write_points, []
 
     def interrupted(*values: Any) -> None:
         write(*values)
@@ -176,7 +176,7 @@ def test_interrupted_search_goes_on(
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, contextlib.suppress(KeyboardInterrupt):
-        patch.setattr("cranectl.tools.benchmark.tuned.write_points", interrupted)
+        patch.setattr(TunedResult, "write_points", interrupted)
         assert main([*command, "--out", "out"]) != 0
     assert [path.name for path in Path("out").iterdir()] == ["mine.unfinished.parquet"]
     begun = parquet.read_table("out/mine.unfinished.parquet").num_rows
@@ -191,14 +191,14 @@ def test_interrupted_search_goes_on(
 @pytest.mark.parametrize("damage", ["another controller", "no Parquet"])
 def test_points_of_another_search_are_not_used(tiny: Benchmark, damage: str) -> None:
     path, keys = Path("mine.unfinished.parquet"), ["controller.mine.stiffness"]
-    digest = tuned.search_of(open_controller("mine.py:MINE"), rules_of(tiny))
-    tuned.write_points(path, keys, [Point((1.0,), 2.0, 0.5)], {"search": digest})
-    assert tuned.unfinished_points(path, digest) == [Point((1.0,), 2.0, 0.5)]
+    digest = TunedResult.search(open_controller("mine.py:MINE"), rules_of(tiny))
+    TunedResult.write_points(path, keys, [Point((1.0,), 2.0, 0.5)], {"search": digest})
+    assert TunedResult.read_unfinished(path, digest) == [Point((1.0,), 2.0, 0.5)]
     if damage == "no Parquet":
         path.write_bytes(path.read_bytes()[:40])
     else:
-        digest = tuned.search_of(open_controller("mine.py:STIFF"), rules_of(tiny))
-    assert tuned.unfinished_points(path, digest) == []
+        digest = TunedResult.search(open_controller("mine.py:STIFF"), rules_of(tiny))
+    assert TunedResult.read_unfinished(path, digest) == []
 
 
 @pytest.mark.parametrize("state", ["absent", "of another controller", "by other rules", "damaged"])
@@ -273,7 +273,7 @@ def test_path_that_leaves_the_package_is_not_trusted(tmp_path: Path) -> None:
     folder = Shipped.BENCHMARKS.folder
     file = folder / os.path.relpath(tmp_path / "tiny.toml", folder.resolve())
     with pytest.raises(InputError, match="add --trust"):
-        measured_controllers(read_benchmark(str(file)))
+        measured_controllers(Benchmark.read(str(file)))
 
 
 def test_machine_errors_are_not_refusals(tiny: Benchmark, monkeypatch: pytest.MonkeyPatch) -> None:

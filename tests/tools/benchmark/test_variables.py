@@ -8,7 +8,7 @@ from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.planning import load_scenario
 from cranectl.support.errors import InputError
 from cranectl.tools.benchmark.declared import Variable, assignments, variables_of
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from tests.benchmark.conftest import close_opened_controllers
 from tests.conftest import ROOT
 
@@ -53,7 +53,7 @@ def test_variables_of_the_flat_family_are_those_of_its_parts() -> None:
     assert [variable.length_power for variable in weights] == [-4.0, -3.0, -2.0, -1.0]
 
 
-@pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *read_benchmark("literature").laws}))
+@pytest.mark.parametrize("name", sorted({*FLAT_FAMILY, *Benchmark.read("literature").laws}))
 def test_values_at_both_bounds_are_allowed(name: str) -> None:
     if ":" in name:
         name = open_controller(str(ROOT / "validation" / "benchmark" / name))

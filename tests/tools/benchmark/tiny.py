@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cranectl.tools.benchmark.settings import Benchmark, read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 
 TINY = """\
 name = "tiny"
@@ -97,4 +97,4 @@ def write_tiny(directory: Path) -> Benchmark:
     """Write `tiny.toml`, its scenario and its controllers into `directory`, and read it."""
     for name, text in (("tiny.toml", TINY), ("move.toml", MOVE), ("mine.py", CONTROLLERS)):
         (directory / name).write_text(text, encoding="utf-8")
-    return read_benchmark(str(directory / "tiny.toml"))
+    return Benchmark.read(str(directory / "tiny.toml"))

@@ -12,7 +12,7 @@ from pyarrow import csv
 from scipy.interpolate import CubicHermiteSpline
 
 from cranectl.scenario import Scenario
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
@@ -21,7 +21,7 @@ from cranectl.tools.measured.importing import import_files
 from cranectl.tools.measured.mapping import MeasuredMap
 from cranectl.tools.measured.replay import crane_scenario, simulate_replay
 
-LAB = load_rig("lab-rig")
+LAB = RigFile.load("lab-rig")
 MAX_FALL = 0.5  # of gravity: how fast the rope is let go when its speed jumps, on a winch with usual lag
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
 

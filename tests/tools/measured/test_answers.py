@@ -10,9 +10,9 @@ import pytest
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.tools.measured.experiment import REST_SPEED, Experiment
-from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.fit import Fit
 from cranectl.tools.measured.identification import Identification, OpenNumber, identify
-from cranectl.tools.measured.report import asides, explanation, remarks
+from cranectl.tools.measured.report import IdentificationReport, VerdictReport
 from cranectl.tools.measured.uncertainty import _changes_by_rest, _estimated_start
 from cranectl.tools.measured.verdict import (
     COVERED,
@@ -33,8 +33,8 @@ def fit_of(runs: list[Run], result: Identification, folder: Path) -> Fit:
     """Return the fit as its file keeps it."""
     rig = folder / "mine.toml"
     rig.write_text('extends = "lab-rig"\n')
-    fit_path(rig).write_text(fit_text(result, runs))
-    return read_fit(rig)
+    Fit.path(rig).write_text(Fit.text(result, runs))
+    return Fit.read(rig)
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +75,13 @@ def test_an_unchanged_crane_is_covered_however_its_load_swings_at_first(
 ) -> None:
     run, truth = hidden_run(LAB, NUMBERS, seed, swing=swing)
     verdict = verdict_on(run, exact)
-    assert verdict.probability > 0.01, explanation(verdict, None)  # one of twenty is not covered by chance
+    assert verdict.probability > 0.01, VerdictReport.explanation(
+        verdict, None
+    )  # one of twenty is not covered by chance
     assert verdict.load.noise + verdict.band > true_error(verdict, truth)
     if swing >= 5e-3:
         assert verdict.swing == pytest.approx(swing, rel=0.2)
-        assert any("its load swings by" in aside for aside in asides(verdict))
+        assert any("its load swings by" in aside for aside in VerdictReport.asides(verdict))
 
 
 @pytest.mark.parametrize(
@@ -92,7 +94,7 @@ def test_an_unchanged_crane_of_which_one_axis_moves_is_covered(
     for seed in seeds:
         run, _ = hidden_run(LAB, NUMBERS, seed, axes=(axis,))
         verdict = verdict_on(run, exact)
-        assert verdict.probability > 0.01, (seed, explanation(verdict, None))
+        assert verdict.probability > 0.01, (seed, VerdictReport.explanation(verdict, None))
         assert verdict.band < 1.6e-3
 
 
@@ -124,7 +126,7 @@ def test_a_log_with_too_few_samples_of_a_swing_is_not_decided(exact: Fit) -> Non
     run, _ = hidden_run(LAB, NUMBERS, 60, period=0.1)
     verdict = verdict_on(run, exact)
     assert verdict.answer == NOT_DECIDED
-    assert "the log is too slow" in explanation(verdict, None)
+    assert "the log is too slow" in VerdictReport.explanation(verdict, None)
 
 
 def still_run(defects: Defects = NO_DEFECTS) -> Run:
@@ -137,7 +139,7 @@ def still_run(defects: Defects = NO_DEFECTS) -> Run:
 def test_a_log_in_which_nothing_moves_decides_nothing(exact: Fit) -> None:
     verdict = verdict_on(still_run(), exact, tolerance=0.01)
     assert (verdict.answer, verdict.tested) == (NOT_DECIDED, ())
-    assert "nothing moved" in explanation(verdict, 0.01)
+    assert "nothing moved" in VerdictReport.explanation(verdict, 0.01)
 
 
 def test_a_load_that_moves_though_nothing_was_asked_for_is_not_covered(exact: Fit) -> None:
@@ -150,7 +152,7 @@ def test_channels_that_hardly_move_are_named(exact: Fit) -> None:
     assert verdict.answer == COVERED
     assert {"bridge_position", "beta"} <= set(verdict.tested)
     assert "trolley_position" not in verdict.tested
-    assert any("does not test trolley_position" in aside for aside in asides(verdict))
+    assert any("does not test trolley_position" in aside for aside in VerdictReport.asides(verdict))
 
 
 def test_a_run_that_needs_numbers_that_were_never_identified_is_not_decided(tmp_path: Path) -> None:
@@ -176,8 +178,8 @@ def test_a_misfit_is_no_obstacle_and_enters_no_band(soft: Fit) -> None:
     run, truth = hidden_run(LAB, heavier, 60, period=SLOW, defects=SOFT)
     verdict = verdict_on(run, soft)
     assert verdict.answer == NOT_COVERED
-    assert "A tolerance of" in explanation(verdict, None)
-    met = float(explanation(verdict, None).split("A tolerance of ")[1].split("mm")[0])
+    assert "A tolerance of" in VerdictReport.explanation(verdict, None)
+    met = float(VerdictReport.explanation(verdict, None).split("A tolerance of ")[1].split("mm")[0])
     assert true_error(verdict, truth) < 1e-3 * met
     assert verdict_on(run, soft, tolerance=1e-3 * met).answer in (WITHIN_TOLERANCE, COVERED)
 
@@ -188,7 +190,7 @@ def test_a_band_that_is_wider_than_the_tolerance_says_by_how_much_and_what_would
     run, _ = hidden_run(LAB, NUMBERS, 51)
     verdict = verdict_on(run, exact, tolerance=2e-4)
     assert verdict.answer == NOT_DECIDED
-    said = explanation(verdict, 2e-4)
+    said = VerdictReport.explanation(verdict, 2e-4)
     assert "is wider than your tolerance" in said
     assert "adds most to the band" in said
 
@@ -207,7 +209,7 @@ def test_a_prediction_that_ends_early_is_told_and_has_no_number_that_json_lacks(
     verdict = verdict_on(run, replace(exact, values=wild))
     assert np.isnan(verdict.load.predicted).any()
     assert verdict.answer == NOT_COVERED
-    assert "the prediction ended at" in explanation(verdict, None)
+    assert "the prediction ended at" in VerdictReport.explanation(verdict, None)
     assert json.loads(json.dumps(verdict.to_json(), allow_nan=False))["largest_m"] is None
 
 
@@ -259,7 +261,10 @@ def test_set_points_that_a_slow_log_misses_are_lines(held: bool, tmp_path: Path)
         if "time_constant" in estimate.name:
             assert estimate.value == pytest.approx(NUMBERS[estimate.name], rel=0.05)
             assert abs(estimate.value - NUMBERS[estimate.name]) < 2.0 * estimate.half_width
-    assert any("taken for straight lines" in sentence for sentence in remarks(result)) is not held
+    assert (
+        any("taken for straight lines" in sentence for sentence in IdentificationReport.remarks(result))
+        is not held
+    )
     run, truth = hidden_run(LAB, NUMBERS, 70, period=0.04, **pace)
     fit = fit_of(runs, result, tmp_path)
     assert true_error(verdict_on(run, fit), truth) < 5e-3

@@ -13,7 +13,7 @@ from cranectl.cli.main import main
 from cranectl.log.writer import write_log
 from cranectl.simulate import Run
 from cranectl.tools.measured.experiment import CHANNELS
-from cranectl.tools.measured.programme import recording_map
+from cranectl.tools.measured.programme import Programme
 from cranectl.tools.measured.verdict import COVERED
 from tests.tools.measured.disguises import columns_of
 from tests.tools.measured.test_many_logs import write_workbook
@@ -25,7 +25,7 @@ JUDGED = ["validate", "new.csv", "--map", "week.toml", "--rig", "identified.toml
 
 
 def table(run: Run) -> Table:
-    """The columns of a file from which a run was imported, with the names of `recording_map`."""
+    """The columns of a file from which a run was imported, with the names of `Programme.recording_map`."""
     columns = columns_of(run)
     return {"time": columns.pop("t"), **columns}
 
@@ -38,7 +38,7 @@ def folder(runs: list[Run], clean: Run, tmp_path_factory: pytest.TempPathFactory
         columns = table(run)
         rows = [",".join(f"{value:.10g}" for value in row) for row in zip(*columns.values(), strict=True)]
         (folder / name).write_text("\n".join([",".join(columns), *rows, ""]))
-    (folder / "week.toml").write_text(recording_map("week", "lab-rig"))
+    (folder / "week.toml").write_text(Programme.recording_map("week", "lab-rig"))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         assert main([*DIRECT, "--json", "direct.json", "--report", "i.html"]) == 0

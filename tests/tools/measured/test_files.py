@@ -16,7 +16,7 @@ from pyarrow import parquet
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.importing import Imported
-from cranectl.tools.measured.mapping import read_map
+from cranectl.tools.measured.mapping import MeasuredMap
 from cranectl.tools.measured.suggestion import guessed_columns, suggest_map
 from tests.tools.measured.crane import (
     COMMANDS,
@@ -345,7 +345,7 @@ def test_the_suggested_map_of_a_planar_rig_needs_only_its_units(tmp_path: Path) 
         text = text.replace(f'"{name}", unit = "???"', f'"{name}", unit = "{unit}"')
     assert "???" not in "\n".join(line for line in text.splitlines() if not line.startswith("#"))
     (tmp_path / "a.toml").write_text(text)
-    run = imported(path, mapping=read_map(tmp_path / "a.toml")).run
+    run = imported(path, mapping=MeasuredMap.read(tmp_path / "a.toml")).run
     assert (run.signal("state.bridge_position") == 0.0).all()
     assert np.allclose(run.signal("state.alpha"), np.interp(run.time, columns()["t"], columns()["alpha"]))
 

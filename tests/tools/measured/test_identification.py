@@ -11,7 +11,7 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.writer import write_log
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.experiment import Experiment, unknowns_of
@@ -19,7 +19,7 @@ from cranectl.tools.measured.identification import Identification, identify
 from cranectl.tools.measured.identified import campaign_text, rig_text
 from cranectl.tools.measured.least_squares import LeastSquares
 from cranectl.tools.measured.replay import positions_before
-from cranectl.tools.measured.report import remarks
+from cranectl.tools.measured.report import IdentificationReport
 from tests.tools.measured.hidden import LAB, NUMBERS, measured_run, with_sensing, with_signal
 from tests.tools.measured.simulator import Defects, hidden_run
 
@@ -28,7 +28,7 @@ def test_all_numbers_are_found_within_their_intervals(result: Identification) ->
     assert result.converged
     assert not result.unidentifiable
     assert 0.9 < result.misfit < 1.1
-    assert remarks(result) == []
+    assert IdentificationReport.remarks(result) == []
     errors = {e.name: e.value - NUMBERS[e.name] for e in result.estimates}
     assert errors.keys() == NUMBERS.keys()
     inside = [abs(errors[e.name]) < e.half_width for e in result.estimates]
@@ -87,7 +87,7 @@ def test_scale_and_delay_of_a_camera_are_found(runs: list[Run]) -> None:
     values = {estimate.name: estimate.value for estimate in result.estimates}
     assert values["angles.scale"] == pytest.approx(0.9, abs=2e-3)
     assert values["angles.delay"] == pytest.approx(0.06, abs=1e-3)
-    said = " ".join(remarks(result))
+    said = " ".join(IdentificationReport.remarks(result))
     assert "multiply the scale of alpha and beta in the map by 1.11" in said
     assert re.search(r"add 0\.0[56]\d* to the delay of alpha and beta in the map", said)
     rope = 1e3 * NUMBERS["effects.installation.rope_offset"]
@@ -105,7 +105,9 @@ def test_residuals_that_last_are_told_though_noise_would_explain_their_size(runs
         drifting.append(with_signal(run, "state.alpha", run.signal("state.alpha") + drift))
     result = identify(drifting, with_sensing(angle_noise=4e-3), replay="motion")
     assert result.converged
-    (said,) = (remark for remark in remarks(result) if remark.startswith("residuals last"))
+    (said,) = (
+        remark for remark in IdentificationReport.remarks(result) if remark.startswith("residuals last")
+    )
     assert "intervals are too narrow" in said
 
 
@@ -157,7 +159,7 @@ def test_each_channel_has_its_own_misfit_and_overstated_noise_is_told(runs: list
     assert misfits["alpha"] == pytest.approx(9.0, rel=0.2)
     assert max(value for name, value in misfits.items() if name != "alpha") < 1.2
     overstated = identify(runs, with_sensing(angle_noise=4e-3))
-    (alpha, beta) = (said for said in remarks(overstated) if "is overstated" in said)
+    (alpha, beta) = (said for said in IdentificationReport.remarks(overstated) if "is overstated" in said)
     assert "the noise of alpha is overstated" in alpha
     assert "the noise of beta is overstated" in beta
 
@@ -193,7 +195,7 @@ def test_an_identified_crane_is_a_rig_and_a_campaign(
     assert "The residuals are as large as the stated noise of the readings." in page
     assert page.count("<svg") == 1 + len(logs)  # intervals, and a figure for each run
     assert "Identified from the commands of 3 runs" in capsys.readouterr().out
-    rig = load_rig("mine.toml")
+    rig = RigFile.load("mine.toml")
     assert rig.load_mass == pytest.approx(NUMBERS["load_mass"], rel=0.01)
     assert rig.effects.friction.viscous == (0.0, 0.0, 0.0)
     assert rig.bridge_mass == LAB.bridge_mass

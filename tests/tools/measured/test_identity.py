@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.assembly import assemble_run
 from cranectl.tools.measured.experiment import CHANNELS
-from cranectl.tools.measured.fit import fit_path, fit_text, read_fit
+from cranectl.tools.measured.fit import Fit
 from cranectl.tools.measured.identification import Identification, identify
-from cranectl.tools.measured.identity import Trace, check_all_differ, fingerprint, overlap, recalled, trace_of
+from cranectl.tools.measured.identity import Trace, check_all_differ, fingerprint
 from cranectl.tools.measured.importing import import_files
 from cranectl.tools.measured.verdict import judge
 from tests.tools.measured.crane import SIGNALS, UNITS, mapping
 from tests.tools.measured.hidden import LAB, run_of
 from tests.tools.measured.pendulum import moves, record
 
-RIG = {name: load_rig(name) for name in ("lab-rig", "harbour-crane")}
+RIG = {name: RigFile.load(name) for name in ("lab-rig", "harbour-crane")}
 ENCODERS = {  # steps and noise of positions and angles [m, rad]
     "noise": ((1e-6, 1e-6), (1e-4, 2e-4)),
     "steps and noise": ((1e-4, 4e-4), (1e-5, 1e-4)),
@@ -62,7 +62,7 @@ def run_of_readings(rig: str, period: float, values: Array) -> Run:
 
 def kept(run: Run) -> Trace:
     """Return what a fit file keeps of a run."""
-    return recalled(json.loads(json.dumps(fingerprint(run))))
+    return Trace.recalled(json.loads(json.dumps(fingerprint(run))))
 
 
 def imports(folder: Path, encoders: str) -> dict[str, Run]:
@@ -109,7 +109,7 @@ def imports(folder: Path, encoders: str) -> dict[str, Run]:
 def test_no_map_and_no_cut_makes_another_run(encoders: str, tmp_path: Path) -> None:
     used, *others = (runs := imports(tmp_path, encoders)).values()
     trace = kept(used)
-    found = {name: overlap(trace_of(run), trace) for name, run in zip([*runs][1:], others, strict=True)}
+    found = {name: Trace.overlap(Trace.of(run), trace) for name, run in zip([*runs][1:], others, strict=True)}
     whole = used.time[-1]
     least = dict.fromkeys(found, 0.8 * whole) | {"part appended": 1.7}
     assert {n: o for n, o in found.items() if o.seconds < least[n]} == {}
@@ -129,7 +129,7 @@ def test_two_grids_between_noisy_rows_are_known_by_their_noise() -> None:
         )
         for part in (0.25, 0.75)
     )
-    assert overlap(trace_of(second), kept(first)).share > 0.9
+    assert Trace.overlap(Trace.of(second), kept(first)).share > 0.9
 
 
 @pytest.mark.parametrize("period", [0.005, 0.02, 0.05, 0.1])
@@ -141,16 +141,16 @@ def test_a_further_run_with_the_same_set_points_is_another_run(
     """Two draws of each; the second begins at a part of a sample."""
     trace = kept(run_of_readings(rig, period, readings(rig, encoders, 0, period=period)[1]))
     same = run_of_readings(rig, period, readings(rig, encoders, 0, period=period)[1][3:])
-    assert overlap(trace_of(same), trace).share > 0.8
+    assert Trace.overlap(Trace.of(same), trace).share > 0.8
     for seed, late in ((1, 0.0), (2, 0.37 * period)):
         repeat = run_of_readings(rig, period, readings(rig, encoders, seed, period=period, late=late)[1])
-        assert overlap(trace_of(repeat), trace) == (0.0, 0.0)
+        assert Trace.overlap(Trace.of(repeat), trace) == (0.0, 0.0)
 
 
 def test_a_crane_that_only_rests_is_not_used_again() -> None:
     """Constant readings are alike, and tell nothing."""
     run = run_of_readings("lab-rig", 0.01, np.tile([1.0, 0.7, 0.7, 0.0, 0.0], (500, 1)))
-    assert overlap(trace_of(run), kept(run)) == (0.0, 0.0)
+    assert Trace.overlap(Trace.of(run), kept(run)) == (0.0, 0.0)
 
 
 def test_parts_of_one_log_may_overlap_by_less_than_half() -> None:
@@ -159,21 +159,21 @@ def test_parts_of_one_log_may_overlap_by_less_than_half() -> None:
     parts = [values[: half + 150], values[half - 150 :]]
     runs = [run_of_readings("lab-rig", 0.01, part) for part in parts]
     check_all_differ(runs)
-    assert overlap(trace_of(runs[1]), kept(runs[0])).seconds > 1.7
+    assert Trace.overlap(Trace.of(runs[1]), kept(runs[0])).seconds > 1.7
     with pytest.raises(InputError, match="log 2 has the same readings as log 1"):
         check_all_differ([runs[0], run_of_readings("lab-rig", 0.01, values[100:half])])
 
 
 def test_a_fingerprint_keeps_readings_within_a_grain() -> None:
     run = run_of_readings("lab-rig", 0.01, readings("lab-rig", "noise", 0, period=0.01)[1])
-    trace, again = trace_of(run), kept(run)
+    trace, again = Trace.of(run), kept(run)
     assert (np.abs(again.values - trace.values) <= 0.5 * trace.grains + 1e-12).all()
     assert (trace.grains < 2e-5).all()
     assert trace.noise == pytest.approx(np.repeat([1e-4, 2e-4], (3, 2)), rel=0.2)
     with pytest.raises(ValueError, match="decompressing"):
-        recalled({**fingerprint(run), "steps": "00000"})
+        Trace.recalled({**fingerprint(run), "steps": "00000"})
     with pytest.raises(TypeError):
-        recalled("0" * 64)  # type: ignore[arg-type]
+        Trace.recalled("0" * 64)  # type: ignore[arg-type]
 
 
 def test_a_run_that_was_imported_again_is_no_further_run(runs: list[Run]) -> None:
@@ -189,12 +189,12 @@ def test_used_readings_are_refused_under_another_name(
 ) -> None:
     rig = tmp_path / "mine.toml"
     rig.write_text('extends = "lab-rig"\n')
-    fit_path(rig).write_text(fit_text(result, runs))
+    Fit.path(rig).write_text(Fit.text(result, runs))
     again = replace(runs[1], model="measured: copy.csv (SHA-256 0)\nmap: other")
     with pytest.raises(InputError, match="s of b were used to identify the crane"):
-        judge({"a": clean, "b": again}, read_fit(rig))
+        judge({"a": clean, "b": again}, Fit.read(rig))
     named_alike = replace(clean, model=runs[1].model)
-    (verdict,) = judge({"b": named_alike}, read_fit(rig))
+    (verdict,) = judge({"b": named_alike}, Fit.read(rig))
     assert verdict.name == "b"
 
 

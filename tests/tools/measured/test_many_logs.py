@@ -8,13 +8,13 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.log.reader import read_log
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.support.arrays import Array
 from tests.tools.measured.crane import write_csv
 from tests.tools.measured.pendulum import moves, record
 
 Table = dict[str, Array]
-LAB = load_rig("lab-rig")
+LAB = RigFile.load("lab-rig")
 MAP = """
 name = "week"
 [time]

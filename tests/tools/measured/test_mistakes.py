@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.support.arrays import Array
 from cranectl.tools.measured.mapping import MeasuredMap
 from cranectl.tools.measured.plausibility import PhysicsVerdict, check_physics
@@ -67,7 +67,7 @@ UNDECIDABLE = {
 
 @cache
 def truth(rig: str) -> dict[str, Array]:
-    return record(load_rig(rig), moves(load_rig(rig), SEED), damping=0.003)
+    return record(RigFile.load(rig), moves(RigFile.load(rig), SEED), damping=0.003)
 
 
 def mistaken_map(cell: Cell) -> MeasuredMap:
@@ -94,7 +94,7 @@ def recorded(table: dict[str, Array], settings: MeasuredMap) -> Recording:
 
 
 def judge(rig: str, table: dict[str, Array], settings: MeasuredMap) -> PhysicsVerdict:
-    return check_physics([recorded(table, settings)], settings, load_rig(rig))
+    return check_physics([recorded(table, settings)], settings, RigFile.load(rig))
 
 
 def late(table: dict[str, Array], column: str, delay: float) -> dict[str, Array]:
@@ -167,7 +167,7 @@ def test_few_mistakes_are_undecidable() -> None:
 @pytest.mark.parametrize(("rig", "signal"), sorted(UNDECIDABLE))
 def test_undecidable_mistakes_look_like_another_crane(rig: str, signal: str) -> None:
     """A late clock looks like dead time in a drive: the one crane's wrong log is the other's right one."""
-    parameters = load_rig(rig)
+    parameters = RigFile.load(rig)
     if signal == "rope_length":  # a winch without dead time and a late encoder, or one with dead time
         motion = moves(parameters, SEED, axes=(2,))  # only the load's height changes
         mistaken = late(record(parameters, motion), "l", LATE)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.planning import load_scenario
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
@@ -33,29 +33,33 @@ def coarse(table: Table, lengths: float, angles: float) -> Table:
 
 
 RIGHT_LOGS: dict[str, Callable[[str, int], Table]] = {
-    "exact": lambda rig, seed: record(load_rig(rig), moves(load_rig(rig), seed)),
-    "strongly damped": lambda rig, seed: record(load_rig(rig), moves(load_rig(rig), seed), damping=0.02),
-    "along x": lambda rig, seed: record(load_rig(rig), moves(load_rig(rig), seed, axes=(0,))),
-    "along y with a free swing along x": lambda rig, seed: record(
-        load_rig(rig), moves(load_rig(rig), seed, axes=(1,)), swing=(0.05, 0.0)
+    "exact": lambda rig, seed: record(RigFile.load(rig), moves(RigFile.load(rig), seed)),
+    "strongly damped": lambda rig, seed: record(
+        RigFile.load(rig), moves(RigFile.load(rig), seed), damping=0.02
     ),
-    "hoisting only": lambda rig, seed: record(load_rig(rig), moves(load_rig(rig), seed, axes=(2,))),
+    "along x": lambda rig, seed: record(RigFile.load(rig), moves(RigFile.load(rig), seed, axes=(0,))),
+    "along y with a free swing along x": lambda rig, seed: record(
+        RigFile.load(rig), moves(RigFile.load(rig), seed, axes=(1,)), swing=(0.05, 0.0)
+    ),
+    "hoisting only": lambda rig, seed: record(RigFile.load(rig), moves(RigFile.load(rig), seed, axes=(2,))),
     "free swing": lambda rig, seed: record(
-        load_rig(rig), moves(load_rig(rig), seed, axes=()), swing=(0.1, 0.07)
+        RigFile.load(rig), moves(RigFile.load(rig), seed, axes=()), swing=(0.1, 0.07)
     ),
     "few samples a swing": lambda rig, seed: record(
-        load_rig(rig), moves(load_rig(rig), seed, rows=16), fine=24
+        RigFile.load(rig), moves(RigFile.load(rig), seed, rows=16), fine=24
     ),
     "slow drives": lambda rig, seed: record(
-        load_rig(rig), moves(load_rig(rig), seed), lags=5.0 * load_rig(rig).time_constants
+        RigFile.load(rig), moves(RigFile.load(rig), seed), lags=5.0 * RigFile.load(rig).time_constants
     ),
     "noise": lambda rig, seed: noisy(
-        record(load_rig(rig), moves(load_rig(rig), seed)), np.random.default_rng(seed), 2e-3, 3e-3
+        record(RigFile.load(rig), moves(RigFile.load(rig), seed)), np.random.default_rng(seed), 2e-3, 3e-3
     ),
     "coarse encoders": lambda rig, seed: coarse(
-        record(load_rig(rig), moves(load_rig(rig), seed)), 0.011, 5e-3
+        record(RigFile.load(rig), moves(RigFile.load(rig), seed)), 0.011, 5e-3
     ),
-    "pauses of the writer": lambda rig, seed: record(load_rig(rig), moves(load_rig(rig), seed, swings=3.0)),
+    "pauses of the writer": lambda rig, seed: record(
+        RigFile.load(rig), moves(RigFile.load(rig), seed, swings=3.0)
+    ),
 }
 
 
@@ -66,7 +70,7 @@ def test_right_logs_are_not_refused(case: str, rig: str) -> None:
         table = RIGHT_LOGS[case](rig, seed)
         for settings in (VELOCITY, mapping()):  # with commands and without
             log = recorded(table, settings)
-            assert check_physics([log], settings, load_rig(rig)).contradictions == (), (
+            assert check_physics([log], settings, RigFile.load(rig)).contradictions == (), (
                 seed,
                 settings.commands,
             )
@@ -95,7 +99,7 @@ def test_correlations_lie_between_minus_one_and_one() -> None:
     for size in (1e-150, 1.0, 1e100):
         table = {name: size * rng.standard_normal(300).cumsum() for name in COLUMNS.values()}
         table |= {"t": 0.02 * np.arange(300), "l": 1.0 + 0.1 * rng.random(300)}
-        for finding in check_physics([recorded(table, VELOCITY)], VELOCITY, load_rig("lab-rig")).findings:
+        for finding in check_physics([recorded(table, VELOCITY)], VELOCITY, RigFile.load("lab-rig")).findings:
             assert np.isnan(finding.correlation) or -1.0 <= finding.correlation <= 1.0
 
 
@@ -162,7 +166,7 @@ def test_constants_of_a_planar_rig_are_no_findings(tmp_path: Path) -> None:
 
 def test_a_negative_gain_is_always_told() -> None:
     """Also where noise hides so much of the answer that no mistake is found."""
-    rig = load_rig("lab-rig")
+    rig = RigFile.load("lab-rig")
     table = noisy(record(rig, moves(rig, 5)), np.random.default_rng(0), 0.0, 0.02)
     table["beta"] = -table["beta"]
     settings = mapping()
@@ -182,12 +186,12 @@ def test_wrong_units_of_the_bridge_are_refused_with_their_factor(tmp_path: Path)
 
 
 def test_a_recording_without_trusted_samples_says_nothing() -> None:
-    table = record(load_rig("lab-rig"), moves(load_rig("lab-rig"), 5))
+    table = record(RigFile.load("lab-rig"), moves(RigFile.load("lab-rig"), 5))
     log = recorded(table, VELOCITY)
     verdict = check_physics(
         [Recording(log.columns, log.period, np.zeros(len(log.trusted), dtype=np.bool_))],
         VELOCITY,
-        load_rig("lab-rig"),
+        RigFile.load("lab-rig"),
     )
     assert verdict.contradictions == ()
     assert set(SIGNALS) >= {finding.signal for finding in verdict.findings}

@@ -13,19 +13,12 @@ import pytest
 
 from cranectl.cli.main import main
 from cranectl.scenario.effects import DriveLimits, Sensing
-from cranectl.scenario.load import load_rig, rig_names
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.tools.measured.experiment import CHANNELS
-from cranectl.tools.measured.mapping import COMMANDS, read_map
-from cranectl.tools.measured.programme import (
-    MAX_SWING,
-    WORKSPACE_MARGIN,
-    largest_swing,
-    predict_estimates,
-    propose_runs,
-    set_points_text,
-)
+from cranectl.tools.measured.mapping import COMMANDS, MeasuredMap
+from cranectl.tools.measured.programme import MAX_SWING, WORKSPACE_MARGIN, Programme
 from tests.tools.measured.hidden import LAB, NUMBERS, measured_run, with_effects
 
 OWN = 'extends = "harbour-crane"\nrope_range = [3.0, 42.0]\n'
@@ -33,7 +26,7 @@ OWN = 'extends = "harbour-crane"\nrope_range = [3.0, 42.0]\n'
 
 @cache
 def proposed(rig: str, seed: int = 0) -> tuple[Run, ...]:
-    return propose_runs(load_rig(rig), seed=seed)
+    return Programme.runs(RigFile.load(rig), seed=seed)
 
 
 def start(run: Run) -> Array:
@@ -48,9 +41,9 @@ def period(run: Run) -> float:
     return run.scenario.control.period
 
 
-@pytest.mark.parametrize("name", rig_names())
+@pytest.mark.parametrize("name", RigFile.names())
 def test_set_points_keep_the_limits_of_the_rig(name: str) -> None:
-    rig, runs = load_rig(name), proposed(name)
+    rig, runs = RigFile.load(name), proposed(name)
     velocity, acceleration = map(np.array, (rig.effects.limits.velocity, rig.effects.limits.acceleration))
     low, high = rig.workspace.T
     margin = WORKSPACE_MARGIN * (high - low) - period(runs[0]) * velocity  # set-points hold for a period
@@ -59,12 +52,12 @@ def test_set_points_keep_the_limits_of_the_rig(name: str) -> None:
         assert (np.abs(np.diff(commands(run), axis=0)) <= period(run) * acceleration).all()
         way = start(run) + period(run) * np.cumsum(commands(run), axis=0)
         assert ((way >= low + margin) & (way <= high - margin)).all()
-        assert (largest_swing(run) <= MAX_SWING).all()
+        assert (Programme.largest_swing(run) <= MAX_SWING).all()
 
 
-@pytest.mark.parametrize("name", rig_names())
+@pytest.mark.parametrize("name", RigFile.names())
 def test_each_run_moves_every_axis_alone_and_all_together_between_two_pauses(name: str) -> None:
-    rig, runs = load_rig(name), proposed(name)
+    rig, runs = RigFile.load(name), proposed(name)
     swing = 2.0 * np.pi * np.sqrt(np.mean(rig.rope_range) / rig.gravity)
     for run in runs:
         moving = commands(run) != 0.0
@@ -87,20 +80,20 @@ def test_drives_without_limits_do_not_swing_the_load_too_far() -> None:
     free = DriveLimits(velocity=(1e9,) * 3, acceleration=(1e9,) * 3, force=(1e9,) * 3)
     rig = with_effects(LAB, limits=free)
     low, high = rig.workspace.T
-    for run in propose_runs(rig):
+    for run in Programme.runs(rig):
         way = start(run) + period(run) * np.cumsum(commands(run), axis=0)
         assert ((way >= low) & (way <= high)).all()
-        assert (largest_swing(run) <= MAX_SWING).all()
+        assert (Programme.largest_swing(run) <= MAX_SWING).all()
         assert (np.abs(commands(run)).max(axis=0) > 0.02).all()
 
 
 def test_a_seed_gives_the_same_files_again() -> None:
     first, again, other = (
-        [set_points_text(run) for run in propose_runs(LAB, seed=seed)] for seed in (3, 3, 4)
+        [Programme.set_points_text(run) for run in Programme.runs(LAB, seed=seed)] for seed in (3, 3, 4)
     )
     assert first == again
     assert not set(first) & set(other)
-    run = propose_runs(LAB, seed=3)[2]
+    run = Programme.runs(LAB, seed=3)[2]
     read = np.loadtxt(first[2].splitlines(), delimiter=",", skiprows=1)
     assert (read[:, 1:] == commands(run)).all()
     assert np.allclose(np.diff(read[:, 0]), period(run), atol=1e-9)
@@ -108,11 +101,11 @@ def test_a_seed_gives_the_same_files_again() -> None:
 
 def test_coarse_encoders_are_predicted_to_leave_numbers_open() -> None:
     runs = proposed("lab-rig")[:4]
-    fine, open_with_fine = predict_estimates(runs, LAB)
+    fine, open_with_fine = Programme.predict_estimates(runs, LAB)
     assert open_with_fine == ()
     assert {e.name for e in fine} == NUMBERS.keys()
     coarse = Sensing(angle_resolution=0.05, angle_noise=0.02)
-    wide, left_open = predict_estimates(runs, with_effects(LAB, sensing=coarse))
+    wide, left_open = Programme.predict_estimates(runs, with_effects(LAB, sensing=coarse))
     assert left_open == ("effects.friction.pivot_viscous",)
     half = {e.name: e.half_width for e in fine}
     assert all(e.half_width > half[e.name] for e in wide if "rope_offset" in e.name or "pivot" in e.name)
@@ -127,7 +120,7 @@ def test_a_crane_that_plays_the_set_points_is_identified(capsys: pytest.CaptureF
     (typed,) = re.findall(r"cranectl (identify .*)", output)
     command, pattern, *options = shlex.split(typed)
     assert (command, pattern) == ("identify", "RECORDED*.csv")
-    for k, run in enumerate(propose_runs(LAB, seed=1, period=0.01)[:4], 1):
+    for k, run in enumerate(Programme.runs(LAB, seed=1, period=0.01)[:4], 1):
         played = np.loadtxt(f"lab-rig-run-{k}.csv", delimiter=",", skiprows=1)
         measured = measured_run(
             LAB, NUMBERS, k, period=float(played[1, 0]), motion=(start(run), played[:, 1:])
@@ -143,7 +136,7 @@ def test_a_crane_that_plays_the_set_points_is_identified(capsys: pytest.CaptureF
     assert estimates.keys() == NUMBERS.keys()
     for name, estimate in estimates.items():
         assert abs(estimate["value"] - NUMBERS[name]) < estimate["half_width"], name
-    predicted, _ = predict_estimates(propose_runs(LAB, seed=1, period=0.01)[:3], LAB)
+    predicted, _ = Programme.predict_estimates(Programme.runs(LAB, seed=1, period=0.01)[:3], LAB)
     ratios = [estimates[e.name]["half_width"] / e.half_width for e in predicted]
     assert 0.4 < np.median(ratios) < 2.5
     assert main(["validate", "recorded-4.csv", *options[:2], "--rig", "identified.toml"]) == 0
@@ -154,8 +147,8 @@ def test_an_own_rig_is_named_relative_to_the_map() -> None:
     Path("yard").mkdir()
     Path("yard/Quay 4.toml").write_text(OWN)
     assert main(["new", "experiment", "yard/Quay 4.toml", "--period", "0.05", "--in", "out"]) == 0
-    mapping = read_map(Path("out/quay-4-map.toml"))
-    assert load_rig(Path("out") / mapping.rig).rope_range == (3.0, 42.0)
+    mapping = MeasuredMap.read(Path("out/quay-4-map.toml"))
+    assert RigFile.load(Path("out") / mapping.rig).rope_range == (3.0, 42.0)
     second = Path("out/quay-4-run-5.csv").read_text().splitlines()[2]
     assert second.split(",")[0] == "0.05"
 

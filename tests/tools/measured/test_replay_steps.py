@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cranectl.scenario.effects import Rope
-from cranectl.scenario.load import load_rig
+from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.tools.measured import replay
@@ -27,7 +27,7 @@ LARGEST_ERROR = 1e-3  # of the noise of a reading: nobody sees it
 def test_long_steps_err_far_less_than_encoders(
     rig: str, period: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known = load_rig(rig)
+    known = RigFile.load(rig)
     numbers = hidden_numbers(known, np.random.default_rng(3))
     run = measured_run(known, numbers, 7, seconds=1600.0 * period, period=period)
     experiment = Experiment(run, known, "commands", 1000)

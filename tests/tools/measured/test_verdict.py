@@ -19,7 +19,7 @@ from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
 from cranectl.tools.measured.comparison import block_means, compare_readings
 from cranectl.tools.measured.experiment import Experiment, reading_noise
-from cranectl.tools.measured.fit import Fit, fit_path, fit_text, read_fit
+from cranectl.tools.measured.fit import Fit
 from cranectl.tools.measured.identification import Identification, identify
 from cranectl.tools.measured.verdict import (
     COVERED,
@@ -38,8 +38,8 @@ Change = Callable[[Scenario], Scenario]
 def fit(result: Identification, runs: list[Run], tmp_path_factory: pytest.TempPathFactory) -> Fit:
     path = tmp_path_factory.mktemp("fit") / "mine.toml"
     path.write_text('extends = "lab-rig"\n')
-    fit_path(path).write_text(fit_text(result, runs))
-    return read_fit(path)
+    Fit.path(path).write_text(Fit.text(result, runs))
+    return Fit.read(path)
 
 
 def verdict_of(
@@ -202,7 +202,7 @@ def test_the_answers_of_the_command_line(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text('extends = "lab-rig"\n')
-    Path("mine-fit.json").write_text(fit_text(result, runs))
+    Path("mine-fit.json").write_text(Fit.text(result, runs))
     write_log("new.mcap", [clean])
     write_log("gusts.mcap", [measured_run(LAB, NUMBERS, 50, change=gusty)])
     judged = ["validate", "new.mcap", "--rig", "mine.toml"]

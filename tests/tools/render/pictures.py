@@ -12,7 +12,7 @@ from cranectl.signals import COLUMN
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.resources import Shipped
 from cranectl.tools.render.scene import renderer
-from cranectl.tools.render.timeline import timeline_of
+from cranectl.tools.render.timeline import Timeline
 from tests.scenario.test_drawing import similar
 
 WIDTH, HEIGHT = 480, 360
@@ -35,7 +35,7 @@ def draw(
     runs: Mapping[str, Run], time: float, camera: str = "overview", size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> np.ndarray:
     """Draw the scene without caption and plots, as signed numbers (height, width, 3)."""
-    with renderer(timeline_of(runs), camera, *size) as scene:
+    with renderer(Timeline.of(runs), camera, *size) as scene:
         return scene.draw(time).astype(int)
 
 

@@ -15,7 +15,7 @@ from cranectl.plants.registry import PLANTS
 from cranectl.scenario.rig import ModelNames
 from cranectl.simulate import Run, simulate_run
 from cranectl.tools.render.scene import renderer
-from cranectl.tools.render.timeline import timeline_of
+from cranectl.tools.render.timeline import Timeline
 from tests.conftest import ROOT, random_states
 from tests.plants.own_models import HALL_NAMES, MODELS, RIGS, UNDISTURBED, changed, write_hall
 from tests.tools.render.pictures import HEIGHT, WIDTH
@@ -45,7 +45,7 @@ def hall(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def test_its_shapes_are_where_the_log_says(hall: Run) -> None:
-    with renderer(timeline_of({"mine": hall}), "overview", WIDTH, HEIGHT) as pictures:
+    with renderer(Timeline.of({"mine": hall}), "overview", WIDTH, HEIGHT) as pictures:
         model, data = pictures._model, pictures._tracks[0][2]
         names = {model.geom(k).name for k in range(model.ngeom)}
         assert names == {"floor", *SHAPES}
@@ -73,7 +73,7 @@ def test_a_mesh_in_a_log_has_the_points_of_its_file(hall: Run) -> None:
 def test_a_ghost_has_the_shape_of_its_rig(hall: Run) -> None:
     """Ghosts show how far runs are apart, so they all have the same shapes."""
     ghost = replace(hall, plant="mujoco")
-    with renderer(timeline_of({"a": hall, "b": ghost}), "overview", WIDTH, HEIGHT) as pictures:
+    with renderer(Timeline.of({"a": hall, "b": ghost}), "overview", WIDTH, HEIGHT) as pictures:
         (_, solid, _), (_, other, _) = pictures._tracks
         assert solid.model.ngeom == 1 + len(SHAPES)
         assert other.model.nmesh == 0

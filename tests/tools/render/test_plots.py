@@ -9,7 +9,7 @@ from PIL import Image
 from cranectl.plants.registry import PLANTS
 from cranectl.support.colours import Palette
 from cranectl.tools.render.plots import Plots
-from cranectl.tools.render.timeline import timeline_of
+from cranectl.tools.render.timeline import Timeline
 from tests.conftest import closed_loop, cut
 from tests.tools.render.pictures import both_runs, moving_run
 
@@ -34,7 +34,7 @@ def cursor(picture: np.ndarray) -> int:
 
 
 def test_the_cursor_moves_evenly_with_time() -> None:
-    plots = Plots(timeline_of(both_runs()), *SIZE)
+    plots = Plots(Timeline.of(both_runs()), *SIZE)
     pictures = [strip(plots, time) for time in (0.5, 3.5, 6.5, 13.5)]
     columns = [cursor(picture) for picture in pictures]
     per_second = (columns[3] - columns[0]) / 13.0
@@ -46,8 +46,8 @@ def test_the_cursor_moves_evenly_with_time() -> None:
 
 
 def test_each_plant_has_its_colour_and_a_pair_has_a_panel_of_distance() -> None:
-    pair = strip(Plots(timeline_of(both_runs()), *SIZE), 1.0)
-    alone = strip(Plots(timeline_of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
+    pair = strip(Plots(Timeline.of(both_runs()), *SIZE), 1.0)
+    alone = strip(Plots(Timeline.of({"analytic": moving_run("analytic")}), *SIZE), 1.0)
     assert has(pair, MUJOCO).sum() > 500
     assert has(alone, MUJOCO).sum() == 0
     assert has(alone, ANALYTIC).sum() > 500
@@ -61,7 +61,7 @@ def test_distances_of_several_plants_have_their_colours() -> None:
     """In the last panel, black for the one of a pair."""
     third = {"drake": replace(moving_run("mujoco"), plant="drake")}
     pair, three = (
-        strip(Plots(timeline_of(runs), *SIZE), 1.0)[-170:] for runs in (both_runs(), both_runs() | third)
+        strip(Plots(Timeline.of(runs), *SIZE), 1.0)[-170:] for runs in (both_runs(), both_runs() | third)
     )
     assert has(pair, ANALYTIC).sum() == 0
     assert has(three, ANALYTIC).sum() > 100
@@ -69,7 +69,7 @@ def test_distances_of_several_plants_have_their_colours() -> None:
 
 def test_the_dot_is_on_the_curve() -> None:
     run = moving_run("mujoco")
-    plots = Plots(timeline_of({"mujoco": run}), *SIZE)
+    plots = Plots(Timeline.of({"mujoco": run}), *SIZE)
     heights = []
     for time in (1.0, 13.0):
         picture = strip(plots, time)[:220]
@@ -86,5 +86,5 @@ def test_a_run_that_ends_before_a_disturbance_is_drawn_without_it() -> None:
     """Matplotlib warns, and warnings are errors here, if the name of one is far outside the diagram."""
     run = cut(closed_loop("settled-trajectory", "lqr", "analytic"), 500)
     assert run.scenario.disturbances[0].start > run.time[-1]
-    picture = strip(Plots(timeline_of({"analytic": run}), *SIZE), 0.2)
+    picture = strip(Plots(Timeline.of({"analytic": run}), *SIZE), 0.2)
     assert not has(picture, Palette.LIGHT["series-4"]).any()

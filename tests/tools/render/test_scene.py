@@ -12,7 +12,7 @@ from cranectl.support.colours import Palette
 from cranectl.support.resources import Shipped
 from cranectl.tools.render.draw import CAMERAS
 from cranectl.tools.render.scene import renderer
-from cranectl.tools.render.timeline import timeline_of
+from cranectl.tools.render.timeline import Timeline
 from tests.tools.render.pictures import (
     HEIGHT,
     WIDTH,
@@ -85,7 +85,7 @@ def test_a_ghost_has_the_shape_of_its_own_rig() -> None:
 
 
 def test_the_solid_crane_of_an_overlay_has_the_colour_of_its_bridge_in_the_legend() -> None:
-    timeline = timeline_of({"one": moving_run("mujoco"), "two": moving_run("mujoco")})
+    timeline = Timeline.of({"one": moving_run("mujoco"), "two": moving_run("mujoco")})
     bridge = mujoco.MjModel.from_xml_path(str(Shipped.MODEL_FILE)).material("bridge").rgba[:3]
     assert [nearness(255.0 * bridge, track.colour) > 0.5 for track in timeline.tracks] == [True, False]
 
@@ -164,7 +164,7 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_the_scale_bar_has_its_stated_length_and_place(camera: str, times: float, length: float) -> None:
     """At the place and as long as it says, in a round number."""
-    timeline = timeline_of({"": enlarge_run(moving_run("mujoco"), times)})
+    timeline = Timeline.of({"": enlarge_run(moving_run("mujoco"), times)})
     with renderer(timeline, camera, WIDTH, HEIGHT) as scene:
         picture, (text, (x, y)) = scene.draw(0.0), scene.scale_label
     assert text == f"{length:g} m"
@@ -204,7 +204,7 @@ def test_a_larger_rig_looks_like_the_small_one(camera: str) -> None:
 def test_uninitialised_fields_of_geoms_do_not_affect_pictures() -> None:
     """The engine does not clear the geoms of a scene."""
     runs = both_runs()
-    with renderer(timeline_of(runs), "overview", WIDTH, HEIGHT) as scene:
+    with renderer(Timeline.of(runs), "overview", WIDTH, HEIGHT) as scene:
         first = scene.draw(5.0)
         for kind in range(25):  # of objects
             for geom in scene._scene.geoms:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controllers_option, opened, timeout_option, trust_option
-from cranectl.cli.counts import MAX_WORKERS, count_option
-from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
-from cranectl.cli.output import Screen, progress, progress_bar
+from cranectl.cli.command import Command, CommandGroup
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.output import Screen
 from cranectl.support import MAX_DRAWS, File, FileKind, InputError, Shipped
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def measured_controllers(
     opened_names = []
     for name in named or benchmark.laws:
         if name not in benchmark.laws:
-            opened_names.append(ALL_CONTROLLERS.checked(opened(name)))
+            opened_names.append(ALL_CONTROLLERS.checked(ControllerName.open(name)))
             continue
         if {".", ":"} & set(name) and not trust:
             raise InputError(
@@ -48,18 +49,18 @@ def measured_controllers(
                 allowed="controllers by name, and files named on the command line",
                 remedy="if you know what is in it, add --trust, or name it: --controller PATH",
             )
-        opened_names.append(opened(name, folder))
+        opened_names.append(ControllerName.open(name, folder))
     return tuple(opened_names)
 
 
-tuned_option = command.directory_option(
+tuned_option = Command.directory_option(
     "--tuned", "Where the numbers of tuned controllers are. Default: tuned/ beside the benchmark."
 )
 
 
-@click.command("run", cls=command.Command)
+@click.command("run", cls=Command)
 @click.argument("benchmark", default="literature")
-@controllers_option(
+@ControllerName.repeated_option(
     "A controller to measure, by name or file; repeatable. Default: all of the benchmark's.", opens=False
 )
 @click.option("--set-of-cranes", "sets", metavar="NAME", multiple=True, help="Only this set; repeatable.")
@@ -71,18 +72,18 @@ tuned_option = command.directory_option(
     show_default=True,
     help="Controllers with their defaults, or with what `cranectl tune` has found.",
 )
-@count_option(
+@Count.option(
     "--draws",
     "At most the first N cranes of standing set. What was begun with another N is no part of it.",
     highest=MAX_DRAWS,
 )
-@count_option("--workers", "Pieces at a time. Default: one for each core.", highest=MAX_WORKERS)
+@Count.option("--workers", "Pieces at a time. Default: one for each core.", highest=Count.MAX_WORKERS)
 @click.option("--scheduler", metavar="ADDRESS", help="Run on the workers of this Dask scheduler.")
-@command.directory_option("--out", "Directory of the results. Default: logs/benchmark-NAME")
+@Command.directory_option("--out", "Directory of the results. Default: logs/benchmark-NAME")
 @tuned_option
 @click.option("--despite-differences", is_flag=True, help="Go on with what other sources or versions began.")
-@timeout_option
-@trust_option("BENCHMARK")
+@ControllerName.timeout_option
+@ControllerName.trust_option("BENCHMARK")
 def run_benchmark(
     benchmark: str,
     controllers: tuple[str, ...],
@@ -113,13 +114,14 @@ def run_benchmark(
     all.
     """
     from cranectl.campaign import batch_engine
-    from cranectl.cli.counts import available_cores
+    from cranectl.cli.counts import Count
+    from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.results import run_trials
-    from cranectl.tools.benchmark.settings import read_benchmark
+    from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.benchmark.trials import campaign_of, rules_of, trials_of
-    from cranectl.tools.benchmark.tuned import tuned_settings
+    from cranectl.tools.benchmark.tuned import TunedResult
 
-    settings = read_benchmark(benchmark)
+    settings = Benchmark.read(benchmark)
     names = measured_controllers(settings, controllers, trust=trust)
     trials = trials_of(settings, names, sets, scenarios, division=division)
     if not trials:
@@ -132,22 +134,22 @@ def run_benchmark(
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
     idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.controller) for trial in trials])
-    idle += idle_timeout(names, timeout, cluster=scheduler is not None)
+    idle += IdleSettings.timeout_lines(names, timeout, cluster=scheduler is not None)
     if tuned is not None and division == "published":
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
-    print_idle(screen, idle)
+    IdleSettings.print(screen, idle)
     numbers = functools.partial(
-        tuned_settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
+        TunedResult.settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
     campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
-    with batch_engine(scheduler, timeout) as engine, progress(*BAR) as shown:
+    with batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(trials))
         done = run_trials(
             trials,
             campaign,
             directory,
             engine,
-            workers=workers or available_cores(),
+            workers=workers or Count.available_cores(),
             despite_differences=despite_differences,
         )
         not_run = []
@@ -159,27 +161,27 @@ def run_benchmark(
                 not_run.append(f"could not be run: {trial.controller} on {trial.scenario}: {reason}")
     screen.print_each(sorted(not_run))
     screen.print(f"{len(trials)} pieces of {len(names)} controllers: {directory}")
-    return exit_codes.RUN_STOPPED if not_run else exit_codes.GOOD
+    return ExitCode.RUN_STOPPED if not_run else ExitCode.GOOD
 
 
-@click.command("report", cls=command.Command)
-@click.argument("result", type=command.PATH)
+@click.command("report", cls=Command)
+@click.argument("result", type=Command.PATH)
 @click.option("--benchmark", default="literature", show_default=True, help="Name or TOML file.")
-@controllers_option(
+@ControllerName.repeated_option(
     "Controllers of the result, by name or file; repeatable. Default: all of the benchmark's.", opens=False
 )
 @click.option(
     "--beside",
-    type=command.PATH,
+    type=Command.PATH,
     metavar="FILE",
     help="A table that --table has written, of controllers to stand beside these; in a checkout also "
     "literature.parquet.",
 )
 @tuned_option
-@command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
-@command.output_option("--table", FileKind.PARQUET, "All runs in one file.")
-@trust_option("BENCHMARK")
-@command.json_option
+@Command.output_option("--out", FileKind.HTML, "The page. Default: beside RESULT, with its name and .html.")
+@Command.output_option("--table", FileKind.PARQUET, "All runs in one file.")
+@ControllerName.trust_option("BENCHMARK")
+@Command.json_option
 def report_benchmark(
     result: Path,
     benchmark: str,
@@ -202,34 +204,27 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller mine.py:CONTROLLER --beside literature.parquet
     """
-    from cranectl.report.page import write_page
     from cranectl.tools.benchmark.declared import controller_files
     from cranectl.tools.benchmark.report.opening import conclusions
     from cranectl.tools.benchmark.report.page import benchmark_page, judged_divisions
     from cranectl.tools.benchmark.report.sets import TITLES, ranking_table
     from cranectl.tools.benchmark.results import collect_results, find_begun_trials
-    from cranectl.tools.benchmark.settings import read_benchmark
-    from cranectl.tools.benchmark.table import (
-        check_comparable,
-        join_tables,
-        read_table,
-        select_controllers,
-        write_table,
-    )
+    from cranectl.tools.benchmark.settings import Benchmark
+    from cranectl.tools.benchmark.table import BenchmarkTable
     from cranectl.tools.benchmark.trials import rules_of
 
-    settings = read_benchmark(benchmark)
+    settings = Benchmark.read(benchmark)
     rules, there = rules_of(settings), _table_place(result)
     if there.is_file():
-        judged_table = read_table(there)
-        check_comparable(judged_table, {"rules": rules, "seed": settings.seed})
+        judged_table = BenchmarkTable.read(there)
+        judged_table.check_comparable({"rules": rules, "seed": settings.seed})
         judged_table = (
-            select_controllers(judged_table, tuple(map(opened, controllers))) if controllers else judged_table
+            judged_table.select(tuple(map(ControllerName.open, controllers))) if controllers else judged_table
         )
     else:
         names = measured_controllers(settings, controllers, trust=trust)
         begun = find_begun_trials(settings, result, names)
-        with progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
+        with Screen.progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
             judged_table = collect_results(
                 settings,
                 rules,
@@ -243,14 +238,14 @@ def report_benchmark(
         known = [name for name, facts in judged_table.about["laws"].items() if not facts["file"]]
         yours = judged_table.about["laws"].keys() - {*known, *controller_files(settings)}
     if beside is not None:
-        others = read_table(_table_place(beside))
-        judged_table, yours = join_tables([judged_table, others]), yours - others.about["laws"].keys()
+        others = BenchmarkTable.read(_table_place(beside))
+        judged_table, yours = BenchmarkTable.join([judged_table, others]), yours - others.about["laws"].keys()
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if there.is_file() else result
-    write_page(benchmark_page(settings, judged_table, command.command_given(), results, yours), page)
+    benchmark_page(settings, judged_table, Command.given(), results, yours).write(page)
     if table is not None:
-        write_table(table, judged_table)
+        BenchmarkTable.write(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
     divisions = judged_divisions(settings, judged_table, yours)
     for judged in divisions:
@@ -288,4 +283,4 @@ A benchmark is a TOML file: controllers, scenarios, sets of cranes, plants. Each
 campaign for standing combination of the others.
 """
 
-benchmark_command = command.CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)
+benchmark_command = CommandGroup("benchmark", [run_benchmark, report_benchmark], help=HELP)

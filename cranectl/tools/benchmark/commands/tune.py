@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import Command, directory_option, json_option
-from cranectl.cli.completion import complete_controllers
-from cranectl.cli.controller_options import timeout_option, trust_option
-from cranectl.cli.counts import MAX_WORKERS, count_option
-from cranectl.cli.idle import idle_in_benchmark, idle_timeout, print_idle
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.command import Command
+from cranectl.cli.completion import Completion
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.counts import Count
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.output import Screen
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("tune", cls=Command)
-@click.argument("controller", shell_complete=complete_controllers)
+@click.argument("controller", shell_complete=Completion.controllers)
 @click.option(
     "--benchmark",
     "benchmark_name",
@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     show_default=True,
     help="Whose rules hold: a name or a TOML file.",
 )
-@directory_option(
+@Command.directory_option(
     "--out",
     "Directory of the results: CONTROLLER.toml has the numbers, CONTROLLER.parquet every point tried.",
     default="logs/tuned",
     show_default=True,
 )
-@count_option("--workers", "Threads. Default: one for each core.", highest=MAX_WORKERS)
-@count_option("--runs", "Budget in simulated runs. Default: the benchmark's.")
-@timeout_option
-@trust_option("the benchmark")
-@json_option
+@Count.option("--workers", "Threads. Default: one for each core.", highest=Count.MAX_WORKERS)
+@Count.option("--runs", "Budget in simulated runs. Default: the benchmark's.")
+@ControllerName.timeout_option
+@ControllerName.trust_option("the benchmark")
+@Command.json_option
 def tune_command(
     controller: str,
     benchmark_name: str,
@@ -61,45 +61,40 @@ def tune_command(
     cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
-    from cranectl.cli.counts import available_cores
+    from cranectl.cli.counts import Count
+    from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.declared import variables_of
-    from cranectl.tools.benchmark.settings import read_benchmark
+    from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.benchmark.trials import rules_of
-    from cranectl.tools.benchmark.tuned import (
-        search_of,
-        tuned_files,
-        tuned_table,
-        unfinished_file,
-        unfinished_points,
-        write_points,
-        write_tuned,
-    )
+    from cranectl.tools.benchmark.tuned import TunedResult
     from cranectl.tools.benchmark.tuning import tune
 
-    benchmark = read_benchmark(benchmark_name)
+    benchmark = Benchmark.read(benchmark_name)
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
-    files, rules = tuned_files(out, name), rules_of(benchmark)
+    files, rules = TunedResult.files(out, name), rules_of(benchmark)
     plants = dict.fromkeys([benchmark.tuning_plant, benchmark.plant])
     runs_of = [(scenario, plant, name) for scenario in benchmark.tuning.scenarios for plant in plants]
-    print_idle(screen, [*idle_in_benchmark(benchmark, runs_of), *idle_timeout([name], timeout)])
-    keys, search = [variable.key for variable in variables_of(name)], search_of(name, rules)
-    unfinished = unfinished_file(out, name)
-    if known := unfinished_points(unfinished, search):
+    IdleSettings.print(
+        screen, [*idle_in_benchmark(benchmark, runs_of), *IdleSettings.timeout_lines([name], timeout)]
+    )
+    keys, search = [variable.key for variable in variables_of(name)], TunedResult.search(name, rules)
+    unfinished = TunedResult.unfinished_file(out, name)
+    if known := TunedResult.read_unfinished(unfinished, search):
         screen.print(f"goes on after {len(known)} candidates in {unfinished}")
     total = (runs or benchmark.tuning.runs) + benchmark.tuning.validation_runs
-    with progress_bar(total, name, unit="runs", done="done") as advance:
+    with Screen.progress_bar(total, name, unit="runs", done="done") as advance:
         tuned = tune(
             benchmark,
             name,
             runs=runs,
-            workers=workers or available_cores(),
+            workers=workers or Count.available_cores(),
             timeout=timeout,
             advance=advance,
             known=known,
-            keep=lambda points: write_points(unfinished, keys, points, {"search": search}),
+            keep=lambda points: TunedResult.write_points(unfinished, keys, points, {"search": search}),
         )
-    table = tuned_table(tuned, benchmark, rules)
-    write_tuned(tuned, table, files)
+    table = TunedResult.table(tuned, benchmark, rules)
+    TunedResult.write(tuned, table, files)
     unfinished.unlink(missing_ok=True)
     if not tuned.variables:
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
@@ -110,17 +105,17 @@ def tune_command(
 
 def _table(tuned: "Tuned") -> "Table":
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     points = tuned.best_points
     rows = [
-        cells(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
+        Cell.row(variable.key, *(f"{point.values[k]:g}" for point in points.values()))
         for k, variable in enumerate(tuned.variables)
     ]
     for name, of_set in (("", points), ("validation: ", tuned.validated)):
         if of_set:
-            rows.append(cells(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
-            rows.append(cells(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
-    rows.append(cells("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
+            rows.append(Cell.row(f"{name}cost", *(f"{point.cost:.4f}" for point in of_set.values())))
+            rows.append(Cell.row(f"{name}failed", *(f"{point.failed:.1%}" for point in of_set.values())))
+    rows.append(Cell.row("chosen", *("yes" if name == tuned.chosen else "" for name in points)))
     note = f"{len(tuned.points)} candidates, {tuned.runs_each} runs each; numbers as on the laboratory rig"
     return Table(tuned.controller, ("", "untuned", "half the budget", "full budget"), tuple(rows), note=note)

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.campaign import MANIFEST_FILE, controller_from, read_manifest
+from cranectl.campaign import MANIFEST_FILE, Manifest, read_manifest
 from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.status import RunStatus
 from cranectl.tools.benchmark.declared import controller_files
 from cranectl.tools.benchmark.ranking import Judged
@@ -45,7 +45,7 @@ def failures_section(divisions: list[Judged], result: Path | None) -> Iterator[S
             ended = "beyond a limit" if status == RunStatus.COMPLETED.label else status
             places = trial.crane_set, trial.scenario, str(failure.sample), ended
             command = Cell(_command(judged, failure, result, files), "code")
-            rows.append(cells(*named(judged, trial.controller), *places, command))
+            rows.append(Cell.row(*named(judged, trial.controller), *places, command))
         if rows:
             tables.append(Table(TITLES[judged.division], headings, tuple(rows), labels=7, folded=True))
     if tables:
@@ -77,7 +77,7 @@ def _command(judged: Judged, failure: FirstFailure, result: Path | None, files: 
     folder, commands = REPEATED / trial.folder, []
     if result and (result / trial.folder / MANIFEST_FILE).exists():
         folder = result / trial.folder
-        known = controller_from(read_manifest(folder), folder, controller)
+        known = Manifest.controller(read_manifest(folder), folder, controller)
         place = FILE if known == controller else known
     else:
         own = [] if benchmark.name == DEFAULT else [os.path.relpath(benchmark.file)]

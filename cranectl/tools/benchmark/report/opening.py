@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.campaign import failure_interval
 from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table, cells, listed
+from cranectl.report.table import Cell, Table
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.ranking import Judged, Standing, points_of
 from cranectl.tools.benchmark.report.pictures import KEY, set_pictures
@@ -112,7 +112,7 @@ def _undominated(divisions: Sequence[Judged]) -> str:
     controllers = {standing.controller for judged, name in sets for standing in judged.ranking(name)}
     if OUR_CONTROLLER not in controllers:
         everywhere = set.intersection(*(judged.front(name) for judged, name in sets))
-        who = listed(sorted(everywhere)) or "none"
+        who = Cell.listed(sorted(everywhere)) or "none"
         return f"Undominated in failures, unsettled time and effort on every set: {who}."
     for judged, name in sets:
         ranking = judged.ranking(name)
@@ -139,7 +139,7 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
     knowing = [name for name, facts in table.about["laws"].items() if "limits" in (facts["rig"] or ())]
     if OUR_CONTROLLER in table.about["laws"]:
         others = sorted(set(knowing) - {OUR_CONTROLLER})
-        also = f", as do {listed(others)}" if others else ""
+        also = f", as do {Cell.listed(others)}" if others else ""
         number = len(table.about["laws"]) - len(knowing)
         limits = "The limits of the drives are offered to every controller. "
         limits += f"Ours uses them{also}; the other {number} do not."
@@ -156,8 +156,8 @@ def caveats(divisions: Sequence[Judged]) -> Iterator[str]:
                 for before, after in changes
                 if MAX_EFFORT_RATIO * before.effort < after.effort < inf
             ]
-            text += f" It more than doubles the effort of {listed(costly)}." if costly else ""
-            text += f" The tuning set never shows {listed(unseen)}." if unseen else ""
+            text += f" It more than doubles the effort of {Cell.listed(costly)}." if costly else ""
+            text += f" The tuning set never shows {Cell.listed(unseen)}." if unseen else ""
             texts.append(text)
     texts.append("The controllers of the literature are written by us. Their authors may do better.")
     if "lqr+hinf" in table.about["laws"]:
@@ -193,7 +193,7 @@ def tuning_tables(divisions: Sequence[Judged]) -> Iterator[Table]:
             unsettled = (f"{100.0 * standing.unsettled:.1f}" for standing in change)
             effort = (finite(standing.effort, ".2f", "fails") for standing in change)
             marked = before, Cell(after, change.mark)
-            rows.append(cells(*named(divisions[0], change.after.controller), *marked, *unsettled, *effort))
+            rows.append(Cell.row(*named(divisions[0], change.after.controller), *marked, *unsettled, *effort))
         folded = name != list(changes)[-1]
         yield Table(f"Cranes: {name}", headings, tuple(rows), labels=2, note=EFFORT_UNIT, folded=folded)
 

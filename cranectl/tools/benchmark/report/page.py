@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from cranectl.report.page import Page, Section
-from cranectl.report.table import Cell, Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.tools.benchmark.declared import information_class
 from cranectl.tools.benchmark.ranking import Judged
 from cranectl.tools.benchmark.report.failures import failures_section
@@ -79,7 +79,9 @@ def _undominated(judged: Judged) -> Table:
             else:
                 row += [f"{100.0 * own.failed:.1f}", f"{100.0 * own.unsettled:.1f}"]
                 row += [finite(own.effort, ".2f", "fails")]
-        rows.append(cells(*named(judged, controller, "best" if place.startswith("all sets") else ""), *row))
+        rows.append(
+            Cell.row(*named(judged, controller, "best" if place.startswith("all sets") else ""), *row)
+        )
     headings = (*NAMED, "undominated on", *(f"{name}\n{column}" for name in sets for column in SHOWN))
     every = set().union(*by_set.values())
     title = f"{TITLES[judged.division]}: {sum(map(bool, places.values()))} of {len(every)} controllers"
@@ -105,7 +107,7 @@ def _rules(benchmark: Benchmark, table: BenchmarkTable) -> Section:
             ahead = facts["preview"] or "none"
             known = ", ".join(name.replace("_", " ") for name in rig) or "nothing"
         ahead = "all of the path" if facts["reads_path"] else str(ahead)
-        rows.append(cells(controller, follows, facts["measures"], ahead, facts["commands"], known))
+        rows.append(Cell.row(controller, follows, facts["measures"], ahead, facts["commands"], known))
     headings = ("controller", "follows", "measures", "preview", "commands", "knows of the rig")
     note = (
         "What is measured as state comes from encoders and an observer that all controllers share. Preview: "
@@ -136,14 +138,14 @@ def _tuning(benchmark: Benchmark, table: BenchmarkTable) -> Iterator[Section]:
         found = (facts["cost"], facts["validation"].get("cost", {}))  # of search and validation
         costs = (f"{cost[stage]:.3f}" if cost else "" for cost in found for stage in stages)
         information = information_class(table.about["laws"][controller])
-        rows.append(cells(controller, information, str(facts["runs"]), *costs, facts["chosen"]))
+        rows.append(Cell.row(controller, information, str(facts["runs"]), *costs, facts["chosen"]))
         changed = [
             f"{key.removeprefix('design.').removeprefix(f'controller.{controller}.')} {before:g} → {after:g}"
             for key, (before, after) in sorted(facts["numbers"].items())
             if before != after
         ]
         if changed:
-            numbers.append(cells(controller, information, ", ".join(changed)))
+            numbers.append(Cell.row(controller, information, ", ".join(changed)))
     settings, validation = benchmark.tuning, benchmark.tuning.validation
     text = (
         f"Every controller by CMA-ES within {settings.runs} runs, from its defaults, on the plant "

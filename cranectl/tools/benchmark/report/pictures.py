@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from cranectl.report.page import Figure
-from cranectl.report.theme import LETTER, SERIES, STAND_IN, canvas
+from cranectl.report.theme import Chart
 from cranectl.support import Array
 from cranectl.tools.benchmark.ranking import Judged, points_of
 from cranectl.tools.benchmark.report.sets import OUR_CONTROLLER, shown_name
@@ -38,13 +38,13 @@ def draw_set(judged: Judged, name: str) -> Drawing:
     """Draw failures against unsettled time, with the names of the front, the baseline, ours and yours."""
     front, unfinished = judged.front(name), judged.unfinished(name).values()
     standings = [*judged.ranking(name), *(standing for standing, _ in unfinished if standing)]
-    figure, axes = canvas(*PANEL)
+    figure, axes = Chart.canvas(*PANEL)
     labels = []
     points = 100.0 * points_of(standings)[:, [0, 2]]
     for standing, point in zip(standings, points, strict=True):
         is_yours, is_best = standing.controller in judged.yours, standing.controller in front
         is_ours = is_yours or standing.controller == OUR_CONTROLLER
-        colour = STAND_IN[SERIES[1] if is_ours else SERIES[0] if is_best else "muted"]
+        colour = Chart.STAND_IN[Chart.SERIES[1] if is_ours else Chart.SERIES[0] if is_best else "muted"]
         look: dict[str, Any] = {"color": colour, "markerfacecolor": colour if is_best else "none"}
         look |= {"markersize": 6.0 if is_ours or is_best else 4.5, "zorder": 4 if is_ours else 3}
         axes.plot(*point, "D" if is_yours else "o", clip_on=False, **look)
@@ -62,12 +62,12 @@ def _place_labels(axes: Axes, labels: Sequence[tuple[str, float, float]], points
     covered = [(x - MARK, x + MARK, y - MARK, y + MARK) for x, y in points * scale]
     for text, *place in sorted(labels, key=lambda label: (label[2], label[1])):
         x, y = np.array(place) * scale
-        length = LETTERING * LETTER * len(text)
+        length = LETTERING * Chart.LETTER * len(text)
         starts = (x - MARK, x - 0.5 * length, x + MARK - length)
         free = [_lowest_place(min(max(0.0, left), AXES[0] - length), y, length, covered) for left in starts]
         left, bottom = min(free, key=lambda corner: corner[1])
         covered.append((left, left + length, bottom, bottom + LINE))
-        arrow: dict[str, Any] = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.5}
+        arrow: dict[str, Any] = {"arrowstyle": "-", "color": Chart.STAND_IN["muted"], "linewidth": 0.5}
         arrow |= {"shrinkA": 0.0, "shrinkB": MARK, "relpos": (min((x - left) / length, 1.0), 0.0)}
         style: dict[str, Any] = {"textcoords": "offset points", "arrowprops": arrow}
         axes.annotate(text, (place[0], place[1]), (left - x, bottom - y + 2.0), **style)

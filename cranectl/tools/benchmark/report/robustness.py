@@ -6,13 +6,13 @@ import numpy as np
 
 from cranectl.campaign import FAILED
 from cranectl.report.page import Section
-from cranectl.report.table import Table, cells
+from cranectl.report.table import Cell, Table
 from cranectl.support import Mask
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.ranking import Judged
 from cranectl.tools.benchmark.report.sets import COMPARED, NAMED, finite, median, named, section_of
 from cranectl.tools.benchmark.settings import RADIUS_PREFIX, SINGLE_PREFIX
-from cranectl.tools.benchmark.table import Runs, restrict_to_common_cranes
+from cranectl.tools.benchmark.table import Runs
 from cranectl.tools.benchmark.trials import radius_sets, single_sets
 
 BEST = 5  # controllers whose single effects are not folded
@@ -35,7 +35,7 @@ def radius_section(judged: Judged) -> Iterator[Section]:
     if not radii:
         return
     rows = tuple(
-        cells(
+        Cell.row(
             *named(judged, controller),
             finite(factor, ".2f", f"above {spreads[-1]:g}") if factor else f"below {spreads[0]:g}",
             *(f"{100.0 * share:.0f}" for share in shares),
@@ -80,7 +80,7 @@ def singles_section(judged: Judged) -> Iterator[Section]:
             for controller in some:
                 runs = [(there[controller][name], cranes[name]) for name in columns]
                 texts = ("" if own is None else cell(own, possible) for own, possible in runs)
-                rows.append(cells(*named(judged, controller), *texts))
+                rows.append(Cell.row(*named(judged, controller), *texts))
             title = f"{'The others' if folded else 'The best'}: {heading}"
             tables += [Table(title, headings, tuple(rows), labels=2, folded=folded)] if rows else []
     text = (
@@ -127,7 +127,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
         rows = []
         for controller in judged.best_first:
             pairs = [
-                restrict_to_common_cranes([first, second])
+                Runs.in_common([first, second])
                 for scenario in benchmark.scenarios
                 if (first := judged.runs(name, scenario, controller)) is not None
                 and (second := judged.runs(name, scenario, controller, benchmark.second_plant)) is not None
@@ -140,7 +140,7 @@ def second_section(judged: Judged) -> Iterator[Section]:
             apart = np.abs(np.subtract(*errors))[~(here | there)]
             shares = (f"{100.0 * failed.mean():.1f}" for failed in (here, there))
             texts = str((here != there).sum()), median(1e3 * apart, np.zeros(apart.size, dtype=bool))
-            rows.append(cells(*named(judged, controller), str(there.size), *shares, *texts))
+            rows.append(Cell.row(*named(judged, controller), str(there.size), *shares, *texts))
         if rows:
             tables.append(Table(f"Cranes: {name}", headings, tuple(rows), labels=2, folded=bool(tables)))
     if tables:

@@ -8,15 +8,15 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator, NullLocator
 
-from cranectl.campaign import failure_interval, series_style
+from cranectl.campaign import CampaignFigures, failure_interval
 from cranectl.report.page import Figure, Section
-from cranectl.report.table import ANSWERS, Cell, Table, cells
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas
+from cranectl.report.table import Cell, Table
+from cranectl.report.theme import Chart
 from cranectl.support import Array, Mask
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.declared import information_class
 from cranectl.tools.benchmark.ranking import Judged, Standing, points_of, rest_time
-from cranectl.tools.benchmark.table import Runs, restrict_to_common_cranes
+from cranectl.tools.benchmark.table import Runs
 from cranectl.tools.benchmark.trials import Division
 
 OUR_CONTROLLER = "lqr-offset-free"
@@ -45,7 +45,7 @@ def named(judged: Judged, controller: str, mark: str = "") -> tuple[Cell, ...]:
     """Return what the rows of a controller begin with, below NAMED; the baseline is bold without a `mark`."""
     mark = mark or ("head" if controller == judged.benchmark.baseline else "")
     information = information_class(judged.table.about["laws"][controller])
-    return cells(Cell(shown_name(judged, controller), mark), information)
+    return Cell.row(Cell(shown_name(judged, controller), mark), information)
 
 
 def section_of(
@@ -107,7 +107,7 @@ def _figures(judged: Judged, name: str) -> Iterator[Figure]:
     )
     controllers, tasks = [s.controller for s in standings], []
     for scenario in judged.shared_scenarios(name):
-        runs = restrict_to_common_cranes(
+        runs = Runs.in_common(
             [judged.table.trials[judged.trial(name, scenario, controller)] for controller in controllers]
         )
         tasks.append(np.stack([run.task for run in runs]))  # (controllers, cranes that all of them have met)
@@ -130,12 +130,12 @@ def ranking_table(judged: Judged, name: str, title: str, shown: Collection[str] 
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     found: list[tuple[str, str, Cell | str, Standing | None]] = []  # controller, mark, place, numbers
     for standing, ahead in zip(standings, better.T, strict=True):
-        place = standings[int(np.argmax(ahead))].controller if ahead.any() else ANSWERS[True]
+        place = standings[int(np.argmax(ahead))].controller if ahead.any() else Cell.answer(True)
         found.append((standing.controller, "" if ahead.any() else "best", place, standing))
     for controller, (part, done) in judged.unfinished(name).items():
         found.append((controller, "", Cell(f"{done} of {number} scenarios", "open"), part))
     rows = [
-        cells(*named(judged, controller, mark), place, *_numbers(numbers))
+        Cell.row(*named(judged, controller, mark), place, *_numbers(numbers))
         for controller, mark, place, numbers in found
         if not shown or controller in shown
     ]
@@ -171,7 +171,7 @@ def _failures(judged: Judged, name: str) -> Table:
         runs = [judged.runs(name, scenario, controller) for scenario in scenarios]
         if any(runs):
             shares = ("" if of is None else f"{100.0 * of.failed.mean():.0f}" for of in runs)
-            rows.append(cells(*named(judged, controller), *shares))
+            rows.append(Cell.row(*named(judged, controller), *shares))
     headings = (*NAMED, *(f"failed [%]\n{scenario}" for scenario in scenarios))
     return Table("Failures by scenario", headings, tuple(rows), labels=2, folded=True)
 
@@ -196,7 +196,7 @@ def _scenario(judged: Judged, name: str, scenario: str) -> Iterator[Table]:
         error = median(1e3 * runs.metrics[COMPARED], failed) if sees_path else ""
         less = _less(runs, other, duration, sees_path=sees_path)
         texts = (*(f"{100.0 * share:.0f}" for share in shares), *times, sway, error)
-        rows.append(cells(*named(judged, controller), *texts, *less))
+        rows.append(Cell.row(*named(judged, controller), *texts, *less))
     if rows:
         yield Table(f"On {scenario}", headings, tuple(rows), labels=2, folded=True)
 
@@ -205,7 +205,7 @@ def _less(runs: Runs, baseline: Runs | None, duration: float, *, sees_path: bool
     """Return RMS errors [mm] and unsettled times [s] less those of the baseline, as DIFFERENCES."""
     if baseline is None:
         return NOTHING * 2
-    both = restrict_to_common_cranes([runs, baseline])
+    both = Runs.in_common([runs, baseline])
     errors = times = NOTHING
     if sees_path:
         values = (np.where(r.failed, np.nan, 1e3 * r.metrics[COMPARED]) for r in both)
@@ -230,12 +230,12 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
     """Draw the share of runs that each controller brings to rest within a ratio of the quickest time."""
     at = np.geomspace(1.0, MAX_RATIO, 200)
     shares = scores.performance_profile(ratios, at)
-    figure, axes = canvas(1.2 * WIDTH, 3.6)
+    figure, axes = Chart.canvas(1.2 * Chart.WIDTH, 3.6)
     best = np.argsort(-shares.mean(axis=1), kind="stable")
     for k in best[NAMED_PROFILES:]:
-        axes.step(at, 100.0 * shares[k], where="post", color=STAND_IN["muted"], linewidth=0.6)
+        axes.step(at, 100.0 * shares[k], where="post", color=Chart.STAND_IN["muted"], linewidth=0.6)
     for rank, k in enumerate(best[:NAMED_PROFILES]):
-        axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **series_style(rank))
+        axes.step(at, 100.0 * shares[k], where="post", label=controllers[k], **CampaignFigures.style(rank))
     axes.set(xscale="log", xlim=(1.0, MAX_RATIO), ylim=(0.0, 100.0))
     axes.set(xlabel="time to settle over that of the quickest controller", ylabel="runs [%]")
     axes.set_xticks([1, 2, 5, 10], ["1", "2", "5", "10"])
@@ -246,14 +246,14 @@ def _draw_profiles(controllers: Sequence[str], ratios: Array) -> Drawing:
 
 def _draw_fronts(controllers: Sequence[str], points: Array, best: Mask) -> Drawing:
     """Draw effort against the unsettled share of the rest; the third column of `points` is the size."""
-    figure, axes = canvas(1.2 * WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
+    figure, axes = Chart.canvas(1.2 * Chart.WIDTH, max(3.8, 0.18 * np.count_nonzero(best)))
     settling, effort = 100.0 * points[:, 0], np.maximum(points[:, 1], MIN_EFFORT)
-    colours = [STAND_IN[SERIES[0]] if full else STAND_IN["muted"] for full in best]
+    colours = [Chart.STAND_IN[Chart.SERIES[0]] if full else Chart.STAND_IN["muted"] for full in best]
     faces = [colour if full else "none" for colour, full in zip(colours, best, strict=True)]
     axes.scatter(settling, effort, 14.0 + 160.0 * points[:, 2], facecolors=faces, edgecolors=colours)
     # Names beside the axes, in the order of their points: there they are apart.
     named = sorted(np.flatnonzero(best).tolist(), key=lambda k: points[k, 1])
-    line = {"arrowstyle": "-", "color": STAND_IN["muted"], "linewidth": 0.4, "relpos": (0.0, 0.5)}
+    line = {"arrowstyle": "-", "color": Chart.STAND_IN["muted"], "linewidth": 0.4, "relpos": (0.0, 0.5)}
     style: dict[str, Any] = {"textcoords": "axes fraction", "arrowprops": line, "va": "center"}
     for row, k in enumerate(named):
         beside = (1.04, (row + 0.5) / len(named))

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.completion import complete_rigs
+from cranectl.cli.command import Command
+from cranectl.cli.completion import Completion
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind
-from cranectl.tools.measured.commands.files import map_option, read_measured, sheets_option
+from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
     from cranectl.tools.measured.replay import Replay
@@ -19,28 +20,28 @@ if TYPE_CHECKING:
 IDENTIFIED = FileKind("file of an identified crane", rb"# (Identified from|The crane identified from) ")
 
 
-@click.command("identify", cls=command.Command)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
+@click.command("identify", cls=Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=Command.PATH)
 @click.option(
     "--rig",
     metavar="NAME",
     required=True,
-    shell_complete=complete_rigs,
+    shell_complete=Completion.rigs,
     help="Name or TOML file of what is known of the crane.",
 )
-@map_option("Map of the columns of FILEs that are no logs.")
-@sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
+@MeasuredRuns.map_option("Map of the columns of FILEs that are no logs.")
+@MeasuredRuns.sheets_option("With --map: a run for each sheet that fits, e.g. 'Run*'.")
 @click.option(
     "--replay",
     type=click.Choice(["commands", "lines", "motion"]),
     help="What drives the model: commands, held from row to row; lines between them; or the motion of the "
     "axes. Default: commands, if all logs have them; of slow logs, what fits of the first two.",
 )
-@command.output_option(
+@Command.output_option(
     "--out", IDENTIFIED, "Rig file. A campaign and the fit are written beside it. Default: identified.toml"
 )
-@command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
-@command.json_option
+@Command.output_option("--report", FileKind.HTML, "Write one HTML page: numbers, intervals, residuals.")
+@Command.json_option
 def identify_command(
     files: tuple[Path, ...],
     rig: str,
@@ -71,35 +72,35 @@ def identify_command(
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
-    from cranectl.scenario import load_rig
-    from cranectl.tools.measured.fit import fit_path, fit_text
+    from cranectl.scenario import RigFile
+    from cranectl.tools.measured.fit import Fit
     from cranectl.tools.measured.identification import identify
     from cranectl.tools.measured.identified import campaign_text, rig_text
-    from cranectl.tools.measured.report import identification_page, identified_table, remarks
+    from cranectl.tools.measured.report import IdentificationReport
 
     path = out or Path("identified.toml")
-    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), fit_path(path)
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), Fit.path(path)
     given = [*files, *([map_file] if map_file else [])]
     for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, FileKind.JSON)):
         kind.check_place(file, inputs=given, option="--out")
-    measured = read_measured(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
+    measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]
-    result = identify(runs, load_rig(rig), replay=replay, progress=screen.print)
+    result = identify(runs, RigFile.load(rig), replay=replay, progress=screen.print)
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     with File(path).writing():
-        File(fit).write_text(fit_text(result, runs))
+        File(fit).write_text(Fit.text(result, runs))
         File(campaign).write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names))
         File(path).write_text(rig_text(result, base, names))
-    screen.print(identified_table(result))
-    screen.print_each(remarks(result, named))
+    screen.print(IdentificationReport.table(result))
+    screen.print_each(IdentificationReport.remarks(result, named))
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
     unused = f"FILE --map {shlex.quote(str(map_file))}" if map_file else "LOG"
     screen.print(f"judge runs that were not used: cranectl validate {unused} --rig {shlex.quote(str(path))}")
     if report is not None:
-        page = identification_page(result, named, command.command_given())
+        page = IdentificationReport.page(result, named, Command.given())
         screen.save_page(page, report)
     screen.write_json(
         {
@@ -116,4 +117,4 @@ def identify_command(
             "correlated": [{"of": [a, b], "correlation": c} for a, b, c in result.correlated],
         }
     )
-    return exit_codes.GOOD if result.converged else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if result.converged else ExitCode.LIMIT_EXCEEDED

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli import command
+from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
-from cranectl.tools.measured.commands.files import imported_facts, map_option, print_imported, sheets_option
+from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
     from cranectl.tools.measured.importing import LogSource
     from cranectl.tools.measured.mapping import MeasuredMap
 
 
-@click.command("import", cls=command.Command)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=command.PATH)
-@map_option("Map of the columns.", required=True)
+@click.command("import", cls=Command)
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=Command.PATH)
+@MeasuredRuns.map_option("Map of the columns.", required=True)
 @click.option("--rig", metavar="NAME", help="Name or TOML file of a rig. Default: that of the map.")
 @click.option(
     "--each",
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Write a log for each FILE: logs/NAME/FILE.mcap, NAME of the map.",
 )
-@sheets_option(
+@MeasuredRuns.sheets_option(
     "With --each: a log for each sheet that fits, e.g. 'Run*'; its columns are named without the sheet."
 )
-@command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/NAME/measured.mcap")
-@command.json_option
+@Command.output_option("--out", FileKind.MCAP, "Log file. Default: logs/NAME/measured.mcap")
+@Command.json_option
 def import_log(
     files: tuple[Path, ...],
     map_file: Path,
@@ -59,21 +59,22 @@ def import_log(
     """
     from cranectl.log import write_log
     from cranectl.tools.measured.importing import import_runs
-    from cranectl.tools.measured.mapping import read_map
+    from cranectl.tools.measured.mapping import MeasuredMap
 
-    mapping = read_map(map_file)
+    mapping = MeasuredMap.read(map_file)
     logs = _logs(files, mapping, separate=separate, sheets=sheets, out=out)
     for path in logs:
         FileKind.MCAP.check_place(path, inputs=[*files, map_file], option="--out")
     results = import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
     for path, imported in zip(logs, results, strict=True):
         write_log(path, [imported.run])
-        print_imported("measured", imported, screen)
+        MeasuredRuns.print_imported("measured", imported, screen)
         screen.print(f"log: {path}")
     if not separate:
         screen.print(f"compare it with models: cranectl compare {shlex.quote(str(next(iter(logs))))}")
     facts = [
-        {"log": str(path), **imported_facts(imported)} for path, imported in zip(logs, results, strict=True)
+        {"log": str(path), **MeasuredRuns.facts(imported)}
+        for path, imported in zip(logs, results, strict=True)
     ]
     screen.write_json({"logs": facts} if separate else facts[0])
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli import exit_codes
-from cranectl.cli.command import command_given
+from cranectl.cli.command import Command
+from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
 from cranectl.support import FileKind, InputError
-from cranectl.tools.measured.commands.files import read_measured
+from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
@@ -87,12 +87,12 @@ def compare_measured(
             ],
         }
     )
-    return exit_codes.GOOD
+    return ExitCode.GOOD
 
 
 def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
-    from cranectl.report.table import Table, cells
+    from cranectl.report.table import Cell, Table
 
     rows = []
     for row in residuals:
@@ -100,7 +100,7 @@ def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
         sizes = (f"{factor * row[name]:.3f}" for name in ("max_abs", "rms", "final"))
         largest, *others = sizes
         rows.append(
-            cells(row["signal"].removesuffix("_residual"), unit, largest, f"{row['at_s']:g}", *others)
+            Cell.row(row["signal"].removesuffix("_residual"), unit, largest, f"{row['at_s']:g}", *others)
         )
     return Table(title, ("signal", "unit", "largest", "at [s]", "RMS", "final"), tuple(rows), labels=2)
 
@@ -150,14 +150,8 @@ def judge_runs(
 ) -> int:
     """Judge measured runs by an identified crane, and tell the answers; return the exit code."""
     from cranectl.support import JUnitCase
-    from cranectl.tools.measured.fit import read_fit
-    from cranectl.tools.measured.report import (
-        asides,
-        explanation,
-        verdict_page,
-        verdict_sentence,
-        verdict_table,
-    )
+    from cranectl.tools.measured.fit import Fit
+    from cranectl.tools.measured.report import VerdictReport
     from cranectl.tools.measured.verdict import COVERED, WITHIN_TOLERANCE, judge
 
     context = click.get_current_context()
@@ -184,16 +178,19 @@ def judge_runs(
             remedy="cranectl validate LOG --rig identified.toml --tolerance 5mm",
         )
     accepted = None if tolerance is None else _length(tolerance)
-    fit = read_fit(Path(rig))
+    fit = Fit.read(Path(rig))
     files = [Path(name) for name in names]
-    measured = read_measured(files, map_file=map_file, sheets=sheets, rig=str(rig), screen=screen)
+    measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=str(rig), screen=screen)
     runs, repeated = _distinct_runs(measured.runs)
     verdicts = judge(runs, fit, tolerance=accepted)
     good = [verdict.answer in (COVERED, WITHIN_TOLERANCE) for verdict in verdicts]
-    screen.print(verdict_table(verdicts))
+    screen.print(VerdictReport.table(verdicts))
     for verdict in verdicts:
-        screen.print_each(f"{verdict.name}: {t}" for t in (explanation(verdict, accepted), *asides(verdict)))
-    screen.print(verdict_sentence(verdicts))
+        screen.print_each(
+            f"{verdict.name}: {t}"
+            for t in (VerdictReport.explanation(verdict, accepted), *VerdictReport.asides(verdict))
+        )
+    screen.print(VerdictReport.sentence(verdicts))
     screen.print_each(
         f"{name} is given twice, and judged once"
         if name == first
@@ -206,28 +203,33 @@ def judge_runs(
         {"tolerance_m": accepted, "verdicts": facts, "repeated": same, "imported": measured.imported}
     )
     if junit is not None:
-        again = f"again: {command_given()}"
+        again = f"again: {Command.given()}"
         cases = [
-            JUnitCase(str(rig), v.name, "passed" if passed else "failed", (explanation(v, accepted), again))
+            JUnitCase(
+                str(rig),
+                v.name,
+                "passed" if passed else "failed",
+                (VerdictReport.explanation(v, accepted), again),
+            )
             for v, passed in zip(verdicts, good, strict=True)
         ]
         screen.save_junit(cases, junit)
     if report is not None:
-        screen.save_page(verdict_page(verdicts, accepted, command_given()), report)
-    return exit_codes.GOOD if all(good) else exit_codes.LIMIT_EXCEEDED
+        screen.save_page(VerdictReport.page(verdicts, accepted, Command.given()), report)
+    return ExitCode.GOOD if all(good) else ExitCode.LIMIT_EXCEEDED
 
 
 def _distinct_runs(
     named: Sequence[tuple[str, "Run"]],
 ) -> tuple[dict[str, "Run"], list[tuple[str, str]]]:
     """Return measured runs by name, and each further name of one with the name of the first."""
-    from cranectl.tools.measured.identity import Trace, repeated_in, trace_of
+    from cranectl.tools.measured.identity import Trace, repeated_in
 
     runs: dict[str, Run] = {}
     traces: dict[str, Trace] = {}
     repeated = []
     for name, run in named:
-        trace = trace_of(run)
+        trace = Trace.of(run)
         same = [*traces].index(name) if name in traces else repeated_in(trace, [*traces.values()])
         if same is None:
             runs[name], traces[name] = run, trace

@@ -15,24 +15,9 @@ from cranectl.plants import DRIVES, Drive, MujocoPlant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.simulate import PreparedController
 from cranectl.support import InconsistentError, InputError
-from cranectl.tools.robustness.certificate.linear_plant import LinearPlant, linear_plant
-from cranectl.tools.robustness.certificate.loop import (
-    InnerLoop,
-    Opening,
-    choose_opening,
-    closed_loop_radius,
-    controller_axis,
-    flat_axis,
-    inner_loop_of,
-)
-from cranectl.tools.robustness.certificate.nu_gap import (
-    CoprimeMargin,
-    Graph,
-    NuGap,
-    coprime_margin,
-    largest_excess,
-    nu_gap,
-)
+from cranectl.tools.robustness.certificate.linear_plant import LinearPlant
+from cranectl.tools.robustness.certificate.loop import AxisDesign, InnerLoop, Opening
+from cranectl.tools.robustness.certificate.nu_gap import CoprimeMargin, Graph, NuGap, largest_excess
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
 from cranectl.tools.robustness.certificate.systems import RESOLUTION
 
@@ -62,11 +47,11 @@ class NominalLoop:
         self, scenario: Scenario, point: OperatingPoint, drive: Drive, plant: MujocoPlant | None = None
     ) -> LinearPlant:
         """Linearise the plant of `scenario`, or `plant`, at `point`, with the outputs of this controller."""
-        return linear_plant(scenario, point, drive, plant=plant, flat=self.design.axis_design is not None)
+        return LinearPlant.of(scenario, point, drive, plant=plant, flat=self.design.axis_design is not None)
 
     def close(self, plant: LinearPlant) -> InnerLoop:
         """Close a linear plant with the design's state feedback."""
-        return inner_loop_of(plant, self.opening.axis.gain)
+        return InnerLoop.of(plant, self.opening.axis.gain)
 
     def inner_loop(self, scenario: Scenario, point: OperatingPoint, drive: Drive) -> InnerLoop:
         """Return the plant of `scenario` at `point`, closed with the design's state feedback."""
@@ -75,7 +60,7 @@ class NominalLoop:
     def judge(self, inner: InnerLoop, point: OperatingPoint) -> "PointVerdict":
         """Compare the plant linearised at `point` with the design model."""
         graph = self.opening.graph(inner)
-        gap = nu_gap(graph, self.graph)
+        gap = NuGap.between(graph, self.graph)
         grade, left = self.grade(graph, gap)
         return PointVerdict(
             point=point,
@@ -85,13 +70,13 @@ class NominalLoop:
             frequency=gap.frequency / self.period,
             grade=grade,
             left=left,
-            closed_loop_radius=closed_loop_radius(inner, self.opening.axis.robustifier),
+            closed_loop_radius=inner.closed_loop_radius(self.opening.axis.robustifier),
         )
 
     def certifies(self, inner: InnerLoop) -> bool:
         """Return True if the loop around `inner` is proven to be stable."""
         graph = self.opening.graph(inner)
-        return self.grade(graph, nu_gap(graph, self.graph))[0] != "refused"
+        return self.grade(graph, NuGap.between(graph, self.graph))[0] != "refused"
 
     def grade(self, graph: Graph, gap: NuGap) -> tuple[Grade, float]:
         """Return the grade of a plant with this `graph` and `gap`, and its remaining margin."""
@@ -256,13 +241,13 @@ def make_nominal_loop(
         )
     period = scenario.period_ns / NANOSECONDS
     if linear is not None:
-        axis = controller_axis(linear, period)
+        axis = AxisDesign.of_controller(linear, period)
     else:
         Tracker.of(scenario, design.flat)  # raises if the design's own loop is unstable when sampled
-        axis = flat_axis(design.flat, period)
-    opening = choose_opening(design.name, axis, scenario.design, opened_at)
+        axis = AxisDesign.of_flat(design.flat, period)
+    opening = Opening.choose(design.name, axis, scenario.design, opened_at)
     graph = opening.graph(axis.inner_loop())
-    margin = coprime_margin(graph, opening.controller, axis.robustifier.poles())
+    margin = CoprimeMargin.of(graph, opening.controller, axis.robustifier.poles())
     return NominalLoop(design, opening, graph, margin)
 
 

@@ -13,7 +13,7 @@ from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import Scenario
 from cranectl.tools.robustness.certificate.certify import NominalLoop
 from cranectl.tools.robustness.certificate.linear_plant import run_plant
-from cranectl.tools.robustness.certificate.loop import InnerLoop, closed_loop_radius
+from cranectl.tools.robustness.certificate.loop import InnerLoop
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
 
 MAX_EXAMINED_DELAY = 0.3  # [s]
@@ -55,7 +55,7 @@ def find_limits(
         return nominal_loop.close(nominal_loop.plant(scenario, point, drive, slower))
 
     def stable(inner: InnerLoop) -> bool:
-        return closed_loop_radius(inner, nominal_loop.opening.axis.robustifier) < 1.0
+        return inner.closed_loop_radius(nominal_loop.opening.axis.robustifier) < 1.0
 
     def find_both_limits(loop: Callable[[int], InnerLoop], first: int, last: int) -> list[int | None]:
         certified = find_last_passing(lambda k: nominal_loop.certifies(loop(k)), first, last)

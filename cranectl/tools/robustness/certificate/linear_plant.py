@@ -27,12 +27,7 @@ from cranectl.scenario import EFFECTS, EffectSettings, Scenario
 from cranectl.signals import ALPHA, BETA, BRIDGE, ROPE, ROPE_RATE, TROLLEY
 from cranectl.simulate import Actuation, SignalPath, actuate
 from cranectl.support import Array
-from cranectl.tools.robustness.certificate.operating_points import (
-    EquilibriumState,
-    OperatingPoint,
-    find_equilibrium,
-    signals_at,
-)
+from cranectl.tools.robustness.certificate.operating_points import EquilibriumState, OperatingPoint
 from cranectl.tools.robustness.certificate.systems import SampledSystem
 
 
@@ -85,37 +80,42 @@ class LinearPlant:
     system: SampledSystem  # the first ten states are the joints
     delay: int  # samples between sending and arrival of a command
 
+    @staticmethod
+    def of(
+        scenario: Scenario,
+        point: OperatingPoint,
+        drive: Drive,
+        *,
+        plant: MujocoPlant | None = None,
+        flat: bool = True,
+    ) -> "LinearPlant":
+        """Linearise the MuJoCo plant of `scenario`, or another `plant`, with its tracker at `point`.
 
-def linear_plant(
-    scenario: Scenario,
-    point: OperatingPoint,
-    drive: Drive,
-    *,
-    plant: MujocoPlant | None = None,
-    flat: bool = True,
-) -> LinearPlant:
-    """Linearise the MuJoCo plant of `scenario`, or another `plant`, with its tracker at `point`.
-
-    It includes the linear part of the effects, delay and observer. If not `flat`, it leaves out the feedback
-    linearisation, for controllers outside the flat family.
-    """
-    plant = plant or run_plant(scenario, drive)
-    tracker = Tracker.of(scenario, design_controller("pole-placement"))  # for its feedback linearisation only
-    wind = scenario.effects.wind
-    air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
-    equilibrium = find_equilibrium(plant, point, air, tracker.gravity)
-    state, crane_matrix = signals_at(equilibrium.joints, tracker.gravity), equilibrium.linearise()
-    path = SignalPath.of(scenario, state.joints, drive=drive)
-    observer, actuation = path.observer if path.sensed else None, Actuation.of(scenario)
-    controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
-    memory = _equilibrium_memory(state, equilibrium.command, path)
-    at = np.concatenate([state.joints, memory, state.virtual_input])
-    steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
-    controller_matrix = jacobian(controller_map, at, steps)
-    set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
-    retained = [k for k in range(len(memory)) if k not in set_points]
-    whole = _join(crane_matrix, controller_matrix, len(memory), retained)
-    return LinearPlant(whole if flat else _horizontal(whole), scenario.delay_samples)
+        It includes the linear part of the effects, delay and observer. If not `flat`, it leaves out the
+        feedback linearisation, for controllers outside the flat family.
+        """
+        plant = plant or run_plant(scenario, drive)
+        tracker = Tracker.of(
+            scenario, design_controller("pole-placement")
+        )  # for its feedback linearisation only
+        wind = scenario.effects.wind
+        air = np.array([*(wind.mean if wind else (0.0, 0.0, 0.0)), 0.0, 0.0, 0.0])
+        equilibrium = OperatingPoint.find_equilibrium(plant, point, air, tracker.gravity)
+        state, crane_matrix = (
+            EquilibriumState.at(equilibrium.joints, tracker.gravity),
+            equilibrium.linearise(),
+        )
+        path = SignalPath.of(scenario, state.joints, drive=drive)
+        observer, actuation = path.observer if path.sensed else None, Actuation.of(scenario)
+        controller_map = _controller_map(tracker if flat else None, actuation, observer, drive)
+        memory = _equilibrium_memory(state, equilibrium.command, path)
+        at = np.concatenate([state.joints, memory, state.virtual_input])
+        steps = np.concatenate([np.full(10 + len(memory), STEP), np.full(3, V_STEP)])
+        controller_matrix = jacobian(controller_map, at, steps)
+        set_points = range(SETPOINT, ESTIMATE) if DRIVES[drive].command != "velocity" else ()
+        retained = [k for k in range(len(memory)) if k not in set_points]
+        whole = _join(crane_matrix, controller_matrix, len(memory), retained)
+        return LinearPlant(whole if flat else _horizontal(whole), scenario.delay_samples)
 
 
 def run_plant(scenario: Scenario, drive: Drive) -> MujocoPlant:

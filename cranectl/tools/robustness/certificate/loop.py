@@ -26,7 +26,7 @@ from cranectl.scenario import DesignSettings
 from cranectl.support import Array, InputError
 from cranectl.tools.robustness.certificate.linear_plant import LinearPlant
 from cranectl.tools.robustness.certificate.nu_gap import Graph
-from cranectl.tools.robustness.certificate.systems import Complex, SampledSystem, close_inputs, with_delay
+from cranectl.tools.robustness.certificate.systems import Complex, SampledSystem
 
 MARGINAL = 1e-9  # poles this near to the unit circle count as on it
 CANCELLATION_TOLERANCE = 1e-9  # a smaller share of a gain is the rounding error of two that cancel
@@ -48,12 +48,12 @@ class InnerLoop:
     def arriving(self) -> SampledSystem:
         """The system with delay as states; inputs: added to arriving, v-bar; outputs: arriving, measured."""
         drives, _ = drive_slices(self.opened)
-        return with_delay(self.opened, drives, drives, self.delay)
+        return self.opened.with_delay(drives, drives, self.delay)
 
     def response(self, z: Complex) -> Complex:
         """Return the response (k, 4 m, m) at points `z` (k,)."""
         drives, rest = drive_slices(self.opened)
-        response = close_inputs(self.opened, drives, drives, np.eye(drives.stop)).response(z)
+        response = self.opened.close_inputs(drives, drives, np.eye(drives.stop)).response(z)
         if self.delay == 0:
             return response[:, rest, rest]
         late = (z**-self.delay - 1.0)[:, None, None]
@@ -62,18 +62,38 @@ class InnerLoop:
         total: Complex = response[:, rest, rest] + response[:, rest, drives] @ added
         return total
 
+    @staticmethod
+    def of(plant: LinearPlant, gain: Array) -> "InnerLoop":
+        """Return the linearised plant under state feedback with `gain` (4,) on each axis."""
+        drives, rest = drive_slices(plant.system)
+        feedback = -np.kron(gain, np.eye(drives.stop)).astype(float)
+        return InnerLoop(plant.system.close_inputs(rest, rest, feedback), plant.delay)
+
+    def closed_loop(self, robustifier: SampledSystem) -> SampledSystem:
+        """Return the closed loop from a disturbance of the arriving commands (m) to these commands (m).
+
+        Its states are the linear plant, its delays, and then the robustifier states axis by axis.
+        """
+        a, b, c, d = self.arriving
+        drives, rest = drive_slices(self.arriving)
+        r = on_each_axis(robustifier, drives.stop)
+        b_v, d_v, measured = b[:, rest], d[drives, rest], c[rest]
+        return SampledSystem(
+            np.block([[a - b_v @ r.d @ measured, b_v @ r.c], [-r.b @ measured, r.a]]).astype(float),
+            np.vstack([b[:, drives], np.zeros((len(r.a), drives.stop))]),
+            np.hstack([c[drives] - d_v @ r.d @ measured, d_v @ r.c]),
+            d[drives, drives],
+        )
+
+    def closed_loop_radius(self, robustifier: SampledSystem) -> float:
+        """Return the largest modulus of the closed loop's poles: below 1 the linear loop is stable."""
+        return float(np.abs(self.closed_loop(robustifier).poles()).max())
+
 
 def drive_slices(system: SampledSystem) -> tuple[slice, slice]:
     """Return the slice of inputs and outputs at the drives of a plant or inner loop, and that of the rest."""
     axes = system.b.shape[1] // 2
     return slice(0, axes), slice(axes, None)
-
-
-def inner_loop_of(plant: LinearPlant, gain: Array) -> InnerLoop:
-    """Return the linearised plant under state feedback with `gain` (4,) on each axis."""
-    drives, rest = drive_slices(plant.system)
-    feedback = -np.kron(gain, np.eye(drives.stop)).astype(float)
-    return InnerLoop(close_inputs(plant.system, rest, rest, feedback), plant.delay)
 
 
 @dataclass(frozen=True)
@@ -100,56 +120,36 @@ class AxisDesign:
         )
         return InnerLoop(whole, delay=0)
 
+    @staticmethod
+    def of_flat(design: Design, period: float) -> "AxisDesign":
+        """Return the chain z'''' = v, its state feedback, and the sampled robustifier from e to v-bar."""
+        blocks = design.robustifier.sampled(period)
+        first = np.eye(1, SIGNALS)
+        robustifier = SampledSystem(
+            blocks.matrix,
+            blocks.input_matrix.reshape(-1, 1) @ first,
+            blocks.output_matrix.reshape(1, -1),
+            blocks.feedthrough * first,
+        )
+        return AxisDesign(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], design.gain, robustifier, 3, period)
 
-def flat_axis(design: Design, period: float) -> AxisDesign:
-    """Return the chain z'''' = v, its state feedback, and the sampled robustifier from e to v-bar."""
-    blocks = design.robustifier.sampled(period)
-    first = np.eye(1, SIGNALS)
-    robustifier = SampledSystem(
-        blocks.matrix,
-        blocks.input_matrix.reshape(-1, 1) @ first,
-        blocks.output_matrix.reshape(1, -1),
-        blocks.feedthrough * first,
-    )
-    return AxisDesign(np.diag(np.ones(3), 1), np.eye(4)[:, 3:], design.gain, robustifier, 3, period)
+    @staticmethod
+    def of_controller(controller: LinearController, period: float) -> "AxisDesign":
+        """Return a linearised controller as axis design: its own states become the robustifier R.
 
-
-def controller_axis(controller: LinearController, period: float) -> AxisDesign:
-    """Return a linearised controller as axis design: its own states become the robustifier R.
-
-    Coprime factors need an F that makes the crane stable. If the controller's own gain does not, F is an LQR
-    gain, and R gets the difference of both. That changes neither the loop nor the margin.
-    """
-    crane, own = slice(SIGNALS), slice(SIGNALS, None)
-    a, b, gain = controller.a[crane, crane], controller.b[crane], controller.gain[crane]
-    phi, hold = zero_order_hold(a, b, period)
-    if np.abs(np.linalg.eigvals(phi - hold @ gain[None])).max() >= 1.0 - MARGINAL:
-        gain = (b.T @ solve_continuous_are(a, b, np.eye(SIGNALS), [[1.0]]))[0]
-    phi, hold = zero_order_hold(controller.a[own, own], controller.a[own, crane], period)
-    robustifier = SampledSystem(phi, hold, controller.gain[None, own], (controller.gain[crane] - gain)[None])
-    return AxisDesign(a, b, gain, robustifier, 2, period)
-
-
-def closed_loop(inner: InnerLoop, robustifier: SampledSystem) -> SampledSystem:
-    """Return the closed loop from a disturbance of the arriving commands (m) to the arriving commands (m).
-
-    Its states are the linear plant, its delays, and then the robustifier states axis by axis.
-    """
-    a, b, c, d = inner.arriving
-    drives, rest = drive_slices(inner.arriving)
-    r = on_each_axis(robustifier, drives.stop)
-    b_v, d_v, measured = b[:, rest], d[drives, rest], c[rest]
-    return SampledSystem(
-        np.block([[a - b_v @ r.d @ measured, b_v @ r.c], [-r.b @ measured, r.a]]).astype(float),
-        np.vstack([b[:, drives], np.zeros((len(r.a), drives.stop))]),
-        np.hstack([c[drives] - d_v @ r.d @ measured, d_v @ r.c]),
-        d[drives, drives],
-    )
-
-
-def closed_loop_radius(inner: InnerLoop, robustifier: SampledSystem) -> float:
-    """Return the largest modulus of the closed loop's poles: below 1 the linear loop is stable."""
-    return float(np.abs(closed_loop(inner, robustifier).poles()).max())
+        Coprime factors need an F that makes the crane stable. If the controller's own gain does not, F is an
+        LQR gain, and R gets the difference of both. That changes neither the loop nor the margin.
+        """
+        crane, own = slice(SIGNALS), slice(SIGNALS, None)
+        a, b, gain = controller.a[crane, crane], controller.b[crane], controller.gain[crane]
+        phi, hold = zero_order_hold(a, b, period)
+        if np.abs(np.linalg.eigvals(phi - hold @ gain[None])).max() >= 1.0 - MARGINAL:
+            gain = (b.T @ solve_continuous_are(a, b, np.eye(SIGNALS), [[1.0]]))[0]
+        phi, hold = zero_order_hold(controller.a[own, own], controller.a[own, crane], period)
+        robustifier = SampledSystem(
+            phi, hold, controller.gain[None, own], (controller.gain[crane] - gain)[None]
+        )
+        return AxisDesign(a, b, gain, robustifier, 2, period)
 
 
 def on_each_axis(system: SampledSystem, axes: int) -> SampledSystem:
@@ -213,27 +213,28 @@ class Opening:
         rows = np.where(used, -(self.axis.gain + r[:, 0]) / np.where(used, self.scales, 1.0), 0.0)
         return np.kron(rows, eye).reshape(len(z), len(eye), -1).astype(complex)
 
+    @staticmethod
+    def choose(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> "Opening":
+        """Choose where the loop is opened: "v-bar" for loop shaping, "v" for the rest of the flat family.
+
+        The loop of every other controller is opened at "u". Raises InputError for a `name` that it does not
+        have.
+        """
+        shaping, plain = controller.endswith("+loop-shaping"), "v" if axis.axes == 3 else "u"
+        name = name or ("v-bar" if shaping else plain)
+        if name == "v-bar" and shaping:
+            p, i = settings.loop_shaping.proportional, settings.loop_shaping.integral
+            return Opening(name, axis, Weight(p, 1.0 - i * axis.period / p), np.ones(SIGNALS))
+        if name == plain:
+            return Opening(name, axis, None, best_scales(axis))
+        raise InputError(
+            f"the loop of {controller} opened at '{name}'",
+            allowed="v for the flat family, v-bar for those of it with loop shaping, u for other controllers",
+            remedy="choose another signal with --open-at, or leave it out",
+        )
+
 
 GRID = np.exp(1j * np.geomspace(1e-5, np.pi, 250))  # for the optimisation only, not for the margin
-
-
-def choose_opening(controller: str, axis: AxisDesign, settings: DesignSettings, name: str | None) -> Opening:
-    """Choose where the loop is opened: "v-bar" for loop shaping, "v" for the rest of the flat family.
-
-    The loop of every other controller is opened at "u". Raises InputError for a `name` that it does not have.
-    """
-    shaping, plain = controller.endswith("+loop-shaping"), "v" if axis.axes == 3 else "u"
-    name = name or ("v-bar" if shaping else plain)
-    if name == "v-bar" and shaping:
-        p, i = settings.loop_shaping.proportional, settings.loop_shaping.integral
-        return Opening(name, axis, Weight(p, 1.0 - i * axis.period / p), np.ones(SIGNALS))
-    if name == plain:
-        return Opening(name, axis, None, best_scales(axis))
-    raise InputError(
-        f"the loop of {controller} opened at '{name}'",
-        allowed="v for the flat family, v-bar for those of it with loop shaping, u for other controllers",
-        remedy="choose another signal with --open-at, or leave it out",
-    )
 
 
 def best_scales(axis: AxisDesign) -> Array:

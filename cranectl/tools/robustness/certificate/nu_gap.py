@@ -21,13 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cranectl.support import Array
-from cranectl.tools.robustness.certificate.systems import (
-    GRID_START,
-    Complex,
-    GridSamples,
-    find_peak,
-    starting_grid,
-)
+from cranectl.tools.robustness.certificate.systems import GRID_START, Complex, GridSamples, Peak
 
 ON_CIRCLE = 1e-9  # poles this near to the circle are taken as on it
 
@@ -53,28 +47,29 @@ class NuGap:
     frequency: float  # of the largest chordal distance [rad/sample]
     winding: int | None  # 0 if the winding condition holds; None if it could not be computed
 
+    @staticmethod
+    def between(first: Graph, second: Graph) -> "NuGap":
+        """Compute the nu-gap of two plants with equal numbers of inputs and outputs from their graphs.
 
-def nu_gap(first: Graph, second: Graph) -> NuGap:
-    """Compute the nu-gap of two plants with equal numbers of inputs and outputs from their graphs.
+        It is also 1 if a pole lies on the unit circle, or if the grid cannot resolve the graphs.
+        """
+        poles = np.concatenate([first.poles, second.poles])
+        if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
+            return NuGap(1.0, 0.0, None)
 
-    It is also 1 if a pole lies on the unit circle, or if the grid cannot resolve the graphs.
-    """
-    poles = np.concatenate([first.poles, second.poles])
-    if (np.abs(np.abs(poles) - 1.0) < ON_CIRCLE).any():
-        return NuGap(1.0, 0.0, None)
+        def compare(z: Complex) -> GridSamples:
+            g_1, g_2 = first.response(z), second.response(z)
+            q_1, q_2 = orthonormal(g_1), orthonormal(g_2)
+            determinant = np.linalg.det(_hermitian(g_2) @ g_1)
+            return GridSamples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
 
-    def compare(z: Complex) -> GridSamples:
-        g_1, g_2 = first.response(z), second.response(z)
-        q_1, q_2 = orthonormal(g_1), orthonormal(g_2)
-        determinant = np.linalg.det(_hermitian(g_2) @ g_1)
-        return GridSamples(distance(q_1, q_2), np.stack([q_1, q_2], axis=1), determinant)
-
-    peak = find_peak(starting_grid(poles), compare)
-    # The grid has half the circle; the other half turns as much. Each pole outside the circle adds a turn.
-    winding = round(peak.turn / np.pi) - first.unstable + second.unstable
-    if not peak.is_resolved:
-        return NuGap(1.0, peak.angle, None)
-    return NuGap(peak.level if winding == 0 else 1.0, peak.angle, winding)
+        peak = Peak.find(Peak.starting_grid(poles), compare)
+        # The grid has half the circle; the other half turns as much.
+        # Each pole outside the circle adds a turn.
+        winding = round(peak.turn / np.pi) - first.unstable + second.unstable
+        if not peak.is_resolved:
+            return NuGap(1.0, peak.angle, None)
+        return NuGap(peak.level if winding == 0 else 1.0, peak.angle, winding)
 
 
 def distance(q_1: Complex, q_2: Complex) -> Array:
@@ -104,20 +99,22 @@ class CoprimeMargin:
     margin: float
     frequency: float  # [rad/sample]
 
+    @staticmethod
+    def of(plant: Graph, controller: Response, poles: Complex) -> "CoprimeMargin":
+        """Compute the margin b(P, K) of a loop that is known to be stable; 0 if the grid cannot resolve it.
 
-def coprime_margin(plant: Graph, controller: Response, poles: Complex) -> CoprimeMargin:
-    """Compute the margin b(P, K) of a loop that is known to be stable; 0 if the grid cannot resolve it.
+        `controller` returns K of u = K y at points z (k,), shape (k, m, p); `poles` are its poles. The grid
+        starts above zero frequency, so that K may have integrators.
+        """
 
-    `controller` returns K of u = K y at points z (k,), shape (k, m, p); `poles` are its poles. The grid
-    starts above zero frequency, so that K may have integrators.
-    """
+        def evaluate(z: Complex) -> GridSamples:
+            across, graph = complement(controller(z)), orthonormal(plant.response(z))
+            return GridSamples(
+                -smallest_sine(across, graph), np.stack([across, graph], axis=1), np.ones_like(z)
+            )
 
-    def evaluate(z: Complex) -> GridSamples:
-        across, graph = complement(controller(z)), orthonormal(plant.response(z))
-        return GridSamples(-smallest_sine(across, graph), np.stack([across, graph], axis=1), np.ones_like(z))
-
-    peak = find_peak(_grid_from_start(plant.poles, poles), evaluate)
-    return CoprimeMargin(-peak.level if peak.is_resolved else 0.0, peak.angle)
+        peak = Peak.find(_grid_from_start(plant.poles, poles), evaluate)
+        return CoprimeMargin(-peak.level if peak.is_resolved else 0.0, peak.angle)
 
 
 def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Complex) -> float:
@@ -134,12 +131,12 @@ def largest_excess(other: Graph, plant: Graph, controller: Response, poles: Comp
         bases = np.stack([far, near, near, across], axis=1)  # `near` twice: it is in both terms
         return GridSamples(distance(far, near) - smallest_sine(across, near), bases, np.ones_like(z))
 
-    peak = find_peak(_grid_from_start(other.poles, plant.poles, poles), evaluate)
+    peak = Peak.find(_grid_from_start(other.poles, plant.poles, poles), evaluate)
     return peak.level if peak.is_resolved else 1.0
 
 
 def _grid_from_start(*poles: Complex) -> Array:
-    grid = starting_grid(np.concatenate(poles))
+    grid = Peak.starting_grid(np.concatenate(poles))
     return grid[grid >= GRID_START]
 
 

@@ -42,6 +42,60 @@ class OperatingPoint:
         )
         return f"rope {self.rope_length:g} m at {self.hoisting_speed:+g} m/s, {tilt}"
 
+    @staticmethod
+    def grid(
+        scenario: Scenario,
+        *,
+        rope_lengths: Sequence[float],
+        tilts: Sequence[tuple[float, float]],
+        hoisting_speeds: Sequence[float],
+    ) -> "list[OperatingPoint]":
+        """Return the operating points of every combination; raise InputError for values out of range."""
+        numbers = [*(("a tilt of", "rad/s²", angle) for tilt in tilts for angle in tilt)]
+        numbers += (("a hoisting speed of", "m/s", speed) for speed in hoisting_speeds)
+        for name, unit, value in numbers:
+            if not abs(value) <= MAX_OPERATING_VALUE:  # also true for NaN
+                raise InputError(
+                    f"{name} {value:g} {unit}",
+                    allowed=f"{-MAX_OPERATING_VALUE:g} to {MAX_OPERATING_VALUE:g} {unit}",
+                    remedy="choose a smaller tilt or hoisting speed",
+                )
+        low, high = scenario.rig.rope_range
+        for length in rope_lengths:
+            if not low <= length <= high:
+                raise InputError(
+                    f"a rope of {length:g} m",
+                    allowed=f"{low:g} to {high:g} m, rig.rope_range",
+                    remedy="choose other rope lengths, or set rig.rope_range",
+                )
+        count = len(rope_lengths) * len(tilts) * len(hoisting_speeds)
+        if count > MAX_OPERATING_POINTS:
+            raise InputError(
+                f"{count} operating points: {len(rope_lengths)} rope lengths, {len(tilts)} tilts, "
+                f"{len(hoisting_speeds)} hoisting speeds",
+                allowed=f"up to {MAX_OPERATING_POINTS} combinations",
+                remedy="name fewer of them, and certify in parts",
+            )
+        combinations = itertools.product(rope_lengths, tilts, hoisting_speeds)
+        return [OperatingPoint(*values) for values in combinations]
+
+    @staticmethod
+    def find_equilibrium(
+        plant: MujocoPlant, point: "OperatingPoint", air: Array, gravity: float
+    ) -> Equilibrium:
+        """Return the equilibrium of the plant at `point` in the wind `air` (6,), else raise InputError."""
+        start = np.zeros(10)
+        start[ROPE], start[ROPE_RATE] = point.rope_length, point.hoisting_speed
+        start[ALPHA], start[BETA] = tilt_angles(point, gravity)
+        found = plant.find_equilibrium(start, tilt=np.array(point.tilt), air=air)
+        if found is None or np.abs(found.joints[[ALPHA, BETA]]).max() > np.arcsin(MAX_SINE):
+            raise InputError(
+                f"there is no equilibrium at {point} with the scenario's effects",
+                allowed="operating points with an equilibrium",
+                remedy="choose a smaller tilt, or weaker effects",
+            )
+        return found
+
 
 MAX_OPERATING_VALUE = 1e4  # of tilts and hoisting speeds
 
@@ -54,17 +108,17 @@ class EquilibriumState:
     zeta: float  # [m/s²]
     virtual_input: Array  # (3,) [m/s⁴]
 
-
-def signals_at(joints: Array, gravity: float) -> EquilibriumState:
-    """Return the tracker's signals for resting angles in `joints` (10,) and drives at constant speed."""
-    length, alpha, beta = joints[ROPE], joints[ALPHA], joints[BETA]
-    drop = cos(alpha) * cos(beta)  # height over length of the rope
-    zeta = gravity * (drop * drop - 1.0)
-    p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
-    # With drives at rest: g p + h p'' = 0, with h the height of the pivot above the load.
-    fall = gravity / (length * drop)
-    virtual_input = np.array([fall * p_x * (zeta + gravity), fall * p_y * (zeta + gravity), 0.0])
-    return EquilibriumState(joints, zeta, virtual_input)
+    @staticmethod
+    def at(joints: Array, gravity: float) -> "EquilibriumState":
+        """Return the tracker's signals for resting angles in `joints` (10,) and drives at constant speed."""
+        length, alpha, beta = joints[ROPE], joints[ALPHA], joints[BETA]
+        drop = cos(alpha) * cos(beta)  # height over length of the rope
+        zeta = gravity * (drop * drop - 1.0)
+        p_x, p_y, _, _ = slopes_from_angles(alpha, 0.0, beta, 0.0)
+        # With drives at rest: g p + h p'' = 0, with h the height of the pivot above the load.
+        fall = gravity / (length * drop)
+        virtual_input = np.array([fall * p_x * (zeta + gravity), fall * p_y * (zeta + gravity), 0.0])
+        return EquilibriumState(joints, zeta, virtual_input)
 
 
 def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
@@ -82,55 +136,3 @@ def tilt_angles(point: OperatingPoint, gravity: float) -> tuple[float, float]:
         allowed=f"what gravity can balance, well below g/l = {gravity / point.rope_length:.3g} rad/s²",
         remedy="choose a smaller tilt or a shorter rope",
     )
-
-
-def grid_of(
-    scenario: Scenario,
-    *,
-    rope_lengths: Sequence[float],
-    tilts: Sequence[tuple[float, float]],
-    hoisting_speeds: Sequence[float],
-) -> list[OperatingPoint]:
-    """Return the operating points of every combination; raise InputError for values that are out of range."""
-    numbers = [*(("a tilt of", "rad/s²", angle) for tilt in tilts for angle in tilt)]
-    numbers += (("a hoisting speed of", "m/s", speed) for speed in hoisting_speeds)
-    for name, unit, value in numbers:
-        if not abs(value) <= MAX_OPERATING_VALUE:  # also true for NaN
-            raise InputError(
-                f"{name} {value:g} {unit}",
-                allowed=f"{-MAX_OPERATING_VALUE:g} to {MAX_OPERATING_VALUE:g} {unit}",
-                remedy="choose a smaller tilt or hoisting speed",
-            )
-    low, high = scenario.rig.rope_range
-    for length in rope_lengths:
-        if not low <= length <= high:
-            raise InputError(
-                f"a rope of {length:g} m",
-                allowed=f"{low:g} to {high:g} m, rig.rope_range",
-                remedy="choose other rope lengths, or set rig.rope_range",
-            )
-    count = len(rope_lengths) * len(tilts) * len(hoisting_speeds)
-    if count > MAX_OPERATING_POINTS:
-        raise InputError(
-            f"{count} operating points: {len(rope_lengths)} rope lengths, {len(tilts)} tilts, "
-            f"{len(hoisting_speeds)} hoisting speeds",
-            allowed=f"up to {MAX_OPERATING_POINTS} combinations",
-            remedy="name fewer of them, and certify in parts",
-        )
-    combinations = itertools.product(rope_lengths, tilts, hoisting_speeds)
-    return [OperatingPoint(*values) for values in combinations]
-
-
-def find_equilibrium(plant: MujocoPlant, point: OperatingPoint, air: Array, gravity: float) -> Equilibrium:
-    """Return the equilibrium of the plant at `point` in the wind `air` (6,); raise InputError without one."""
-    start = np.zeros(10)
-    start[ROPE], start[ROPE_RATE] = point.rope_length, point.hoisting_speed
-    start[ALPHA], start[BETA] = tilt_angles(point, gravity)
-    found = plant.find_equilibrium(start, tilt=np.array(point.tilt), air=air)
-    if found is None or np.abs(found.joints[[ALPHA, BETA]]).max() > np.arcsin(MAX_SINE):
-        raise InputError(
-            f"there is no equilibrium at {point} with the scenario's effects",
-            allowed="operating points with an equilibrium",
-            remedy="choose a smaller tilt, or weaker effects",
-        )
-    return found

@@ -31,8 +31,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cranectl.support import Array
-from cranectl.tools.robustness.certificate.loop import InnerLoop, closed_loop
-from cranectl.tools.robustness.certificate.systems import GRID_START, Complex, SampledSystem, starting_grid
+from cranectl.tools.robustness.certificate.loop import InnerLoop
+from cranectl.tools.robustness.certificate.systems import GRID_START, Complex, Peak, SampledSystem
 
 RADIUS = 20.0  # of the search in the logarithms of D, about D = I
 BOUND_TOLERANCE = 1e-4  # relative excess of the bound over the smallest norm
@@ -226,11 +226,11 @@ class DriveMargins:
 
 def drive_margins(inner: InnerLoop, robustifier: SampledSystem, period: float) -> DriveMargins:
     """Return the margins of a loop at the drives, proven at all frequencies; zero for an unstable loop."""
-    loop = closed_loop(inner, robustifier)  # T'
+    loop = inner.closed_loop(robustifier)  # T'
     poles = loop.poles()
     if np.abs(poles).max() >= 1.0:
         return DriveMargins(0.0, tuple((spread, 0.0) for spread in GAIN_SPREADS))
-    grid = np.union1d(starting_grid(poles), np.geomspace(GRID_START, np.pi, GRID_POINTS))
+    grid = np.union1d(Peak.starting_grid(poles), np.geomspace(GRID_START, np.pi, GRID_POINTS))
     shifted = loop._replace(d=loop.d + 0.5 * np.eye(len(loop.d)))
     bounds = bound_on_grid(loop, grid)
     disk_margin = _find_proven_value(

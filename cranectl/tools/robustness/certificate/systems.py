@@ -38,42 +38,40 @@ class SampledSystem(NamedTuple):
         poles: Complex = np.linalg.eigvals(self.a).astype(complex)
         return poles
 
+    def close_inputs(self, rows: slice, columns: slice, gain: Array) -> "SampledSystem":
+        """Close a feedback: the inputs `columns` become u + gain @ y of the outputs `rows`.
 
-def close_inputs(system: SampledSystem, rows: slice, columns: slice, gain: Array) -> SampledSystem:
-    """Close a feedback: the inputs `columns` become u + gain @ y of the outputs `rows`.
+        Those outputs must have no feedthrough from those inputs, so that there is no algebraic loop.
+        """
+        fed, tapped = self.b[:, columns] @ gain, self.d[:, columns] @ gain
+        return SampledSystem(
+            self.a + fed @ self.c[rows],
+            self.b + fed @ self.d[rows],
+            self.c + tapped @ self.c[rows],
+            self.d + tapped @ self.d[rows],
+        )
 
-    Those outputs must have no feedthrough from those inputs, so that there is no algebraic loop.
-    """
-    fed, tapped = system.b[:, columns] @ gain, system.d[:, columns] @ gain
-    return SampledSystem(
-        system.a + fed @ system.c[rows],
-        system.b + fed @ system.d[rows],
-        system.c + tapped @ system.c[rows],
-        system.d + tapped @ system.d[rows],
-    )
+    def with_delay(self, rows: slice, columns: slice, samples: int) -> "SampledSystem":
+        """Connect the outputs `rows` to the inputs `columns` with a delay of `samples`; new states come last.
 
-
-def with_delay(system: SampledSystem, rows: slice, columns: slice, samples: int) -> SampledSystem:
-    """Connect the outputs `rows` to the inputs `columns` with a delay of `samples`; new states come last.
-
-    A chain of unit delays holds each output. The delayed signals replace the outputs `rows`, and the inputs
-    `columns` now add to them. `rows` must have no feedthrough from `columns`.
-    """
-    width = rows.stop - rows.start
-    if samples == 0:
-        return close_inputs(system, rows, columns, np.eye(width))
-    n, line = len(system.a), width * samples
-    a = np.zeros((n + line, n + line))
-    a[:n, :n], a[:n, n + line - width :] = system.a, system.b[:, columns]
-    a[n : n + width, :n] = system.c[rows]
-    a[n + width :, n : n + line - width] = np.eye(line - width)
-    b = np.vstack([system.b, system.d[rows], np.zeros((line - width, system.b.shape[1]))])
-    c = np.hstack([system.c, np.zeros((len(system.c), line - width)), system.d[:, columns]])
-    c[rows] = 0.0
-    c[rows, n + line - width :] = np.eye(width)
-    d = system.d.copy()
-    d[rows] = 0.0
-    return SampledSystem(a, b, c, d)
+        A chain of unit delays holds each output. The delayed signals replace the outputs `rows`, and the
+        inputs `columns` now add to them. `rows` must have no feedthrough from `columns`.
+        """
+        width = rows.stop - rows.start
+        if samples == 0:
+            return self.close_inputs(rows, columns, np.eye(width))
+        n, line = len(self.a), width * samples
+        a = np.zeros((n + line, n + line))
+        a[:n, :n], a[:n, n + line - width :] = self.a, self.b[:, columns]
+        a[n : n + width, :n] = self.c[rows]
+        a[n + width :, n : n + line - width] = np.eye(line - width)
+        b = np.vstack([self.b, self.d[rows], np.zeros((line - width, self.b.shape[1]))])
+        c = np.hstack([self.c, np.zeros((len(self.c), line - width)), self.d[:, columns]])
+        c[rows] = 0.0
+        c[rows, n + line - width :] = np.eye(width)
+        d = self.d.copy()
+        d[rows] = 0.0
+        return SampledSystem(a, b, c, d)
 
 
 GRID_START = 1e-7  # [rad/sample]; 1e-4 rad/s at 1 ms
@@ -102,36 +100,36 @@ class Peak(NamedTuple):
     turn: float  # phase of the determinant at the last grid point minus that at the first [rad]
     is_resolved: bool
 
+    @staticmethod
+    def starting_grid(poles: Complex) -> Array:
+        """Return angles from 0 to pi: both ends, a logarithmic grid, and neighbours of each pole's angle."""
+        logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
+        modulus, angle = np.abs(poles), np.abs(np.angle(poles))
+        sharp = (modulus > 0.5) & (modulus < 2.0)
+        near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * POLE_NEIGHBOURS
+        grid = np.concatenate([[0.0, np.pi], logarithmic, near.ravel()])
+        return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
 
-def starting_grid(poles: Complex) -> Array:
-    """Return angles from 0 to pi: both ends, a logarithmic grid, and neighbours of each pole's angle."""
-    logarithmic = np.geomspace(GRID_START, np.pi, int(GRID_PER_DECADE * np.log10(np.pi / GRID_START)))
-    modulus, angle = np.abs(poles), np.abs(np.angle(poles))
-    sharp = (modulus > 0.5) & (modulus < 2.0)
-    near = angle[sharp, None] + np.abs(1.0 - modulus[sharp, None]) * POLE_NEIGHBOURS
-    grid = np.concatenate([[0.0, np.pi], logarithmic, near.ravel()])
-    return _distinct(grid[(grid >= 0.0) & (grid <= np.pi)])
-
-
-def find_peak(grid: Array, evaluate: Callable[[Complex], GridSamples]) -> Peak:
-    """Find the highest level; refine `grid` where it is too coarse, and around the maximum."""
-    angles, samples = grid, evaluate(np.exp(1j * grid))
-    while True:
-        coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], GRID_START))
-        if not coarse.any() or len(angles) > MAX_POINTS:
-            break
-        between = 0.5 * (angles[:-1] + angles[1:])[coarse]
-        angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
-    for _ in range(2):
+    @staticmethod
+    def find(grid: Array, evaluate: Callable[[Complex], GridSamples]) -> "Peak":
+        """Find the highest level; refine `grid` where it is too coarse, and around the maximum."""
+        angles, samples = grid, evaluate(np.exp(1j * grid))
+        while True:
+            coarse = _too_coarse(samples) & (np.diff(angles) > 1e-12 * np.maximum(angles[1:], GRID_START))
+            if not coarse.any() or len(angles) > MAX_POINTS:
+                break
+            between = 0.5 * (angles[:-1] + angles[1:])[coarse]
+            angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
+        for _ in range(2):
+            peak = int(samples.level.argmax())
+            low, high = angles[max(peak - 1, 0)], angles[min(peak + 1, len(angles) - 1)]
+            between = np.setdiff1d(np.linspace(low, high, PEAK_POINTS + 2), angles)
+            angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
         peak = int(samples.level.argmax())
-        low, high = angles[max(peak - 1, 0)], angles[min(peak + 1, len(angles) - 1)]
-        between = np.setdiff1d(np.linspace(low, high, PEAK_POINTS + 2), angles)
-        angles, samples = _merge(angles, samples, between, evaluate(np.exp(1j * between)))
-    peak = int(samples.level.argmax())
-    is_resolved = not _too_coarse(samples).any()
-    return Peak(
-        float(samples.level[peak]), float(angles[peak]), float(_phase_changes(samples).sum()), is_resolved
-    )
+        is_resolved = not _too_coarse(samples).any()
+        return Peak(
+            float(samples.level[peak]), float(angles[peak]), float(_phase_changes(samples).sum()), is_resolved
+        )
 
 
 def _phase_changes(samples: GridSamples) -> Array:

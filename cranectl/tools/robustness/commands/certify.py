@@ -4,11 +4,12 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.completion import complete_controllers, complete_scenarios
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
-from cranectl.cli.idle import OF_MOTIONS, OF_RUNS, print_idle_in_analysis
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 # Of the laboratory rig, and on another one scaled by similarity.
@@ -18,15 +19,15 @@ HOISTING_SPEEDS = (-0.3, 0.0, 0.3)
 DRIVEN = ("bridge", "trolley", "winch")
 
 
-@click.command("certify", cls=command.Command)
-@click.argument("controller", type=ControllerName(), shell_complete=complete_controllers)
+@click.command("certify", cls=Command)
+@click.argument("controller", type=ControllerName(), shell_complete=Completion.controllers)
 @click.option(
     "--scenario",
     metavar="NAME",
-    shell_complete=complete_scenarios,
+    shell_complete=Completion.scenarios,
     help="Whose [design], [control], [rig] and [effects] to take. Default: the defaults.",
 )
-@command.drive_option(default="velocity", force=False)
+@ScenarioRequest.drive_option(default="velocity", force=False)
 @click.option("--time-constant", type=float, metavar="S", help="Lag of all three velocity drives [s].")
 @click.option(
     "--delay", type=float, metavar="S", help="From measurement to drive [s]; effects.delay.seconds."
@@ -54,14 +55,14 @@ DRIVEN = ("bridge", "trolley", "winch")
     "--open-at", metavar="NAME", help="Signal at which the loop is opened: v or v-bar. Default: as designed."
 )
 @click.option("--limits", is_flag=True, help="Also the largest delay and lag certified and survived.")
-@command.scenario_options
-@command.output_option(
+@ScenarioRequest.options
+@Command.output_option(
     "--plot",
     None,
     "Draw the map, and distance and margin over frequency (.svg, .pdf, .png).",
     endings=FileKind.PLOTS,
 )
-@command.json_option
+@Command.json_option
 def certify_command(
     controller: str,
     drive: str,
@@ -72,7 +73,7 @@ def certify_command(
     hoisting_speeds: tuple[float, ...],
     open_at: str | None,
     limits: bool,
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     plot: Path | None,
     screen: Screen,
 ) -> int:
@@ -96,9 +97,9 @@ def certify_command(
     from cranectl.tools.robustness.certificate.certify import certify, make_nominal_loops
     from cranectl.tools.robustness.certificate.conservatism import find_limits
     from cranectl.tools.robustness.certificate.linear_plant import LINEAR, NOT_LINEAR, present
-    from cranectl.tools.robustness.certificate.operating_points import OperatingPoint, grid_of
+    from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
     from cranectl.tools.robustness.certificate.structured import drive_margins
-    from cranectl.tools.robustness.report.tables import drive_table, limit_table, map_table, summary_lines
+    from cranectl.tools.robustness.report.tables import CertificateTables
 
     if time_constant is not None:
         request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVEN))
@@ -114,14 +115,14 @@ def certify_command(
     scaled_lengths = {max(length_scale.sized(length, size), shortest): None for length in ROPE_LENGTHS}
     scaled_tilts = [(tilt_scale.sized(alpha, size), tilt_scale.sized(beta, size)) for alpha, beta in TILTS]
     scaled_speeds = [speed_scale.sized(speed, size) for speed in HOISTING_SPEEDS]
-    points = grid_of(
+    points = OperatingPoint.grid(
         loaded,
         rope_lengths=rope_lengths or list(scaled_lengths),
         tilts=tilts or (scaled_tilts if flat else scaled_tilts[:1]),
         hoisting_speeds=hoisting_speeds or (scaled_speeds if flat else (0.0,)),
     )
     nominal_loops = make_nominal_loops(loaded, design, points, open_at)
-    with progress_bar(len(points), design.name, done="points") as advance:
+    with Screen.progress_bar(len(points), design.name, done="points") as advance:
         certificate = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
     nominal_loop = nominal_loops[certificate.worst.point.rope_length]
     inner = nominal_loop.inner_loop(loaded, certificate.worst.point, checked)
@@ -129,17 +130,17 @@ def certify_command(
     lengths = sorted({point.rope_length for point in points})
     ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
     limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
-    screen.print(map_table(certificate))
-    screen.print_each(summary_lines(certificate))
-    screen.print(drive_table(margins, certificate.worst))
+    screen.print(CertificateTables.map(certificate))
+    screen.print_each(CertificateTables.summary_lines(certificate))
+    screen.print(CertificateTables.drives(margins, certificate.worst))
     if limit_list:
-        screen.print(limit_table(limit_list))
+        screen.print(CertificateTables.limits(limit_list))
     taken, left = present(loaded.effects, LINEAR), present(loaded.effects, NOT_LINEAR)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
-    unread = (*OF_RUNS, *OF_MOTIONS)
-    print_idle_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
+    unread = (*IdleSettings.OF_RUNS, *IdleSettings.OF_MOTIONS)
+    IdleSettings.print_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
     if plot is not None:
         from cranectl.tools.robustness.report.page import (
             certificate_figure,  # matplotlib, only where asked for
@@ -154,4 +155,4 @@ def certify_command(
     if limit_list:
         data["limits"] = [found_limits.to_json() for found_limits in limit_list]
     screen.write_json(data)
-    return exit_codes.GOOD if certificate.certified else exit_codes.LIMIT_EXCEEDED
+    return ExitCode.GOOD if certificate.certified else ExitCode.LIMIT_EXCEEDED

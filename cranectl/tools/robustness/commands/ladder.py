@@ -6,16 +6,17 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli import command, exit_codes
-from cranectl.cli.controller_options import controller_option
-from cranectl.cli.idle import OF_RUNS, print_idle_in_analysis
-from cranectl.cli.output import Screen, progress_bar
+from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
+from cranectl.cli.output import Screen
 from cranectl.support import FileKind
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 
 
-class LadderCommand(command.Command):
+class LadderCommand(Command):
     """A command whose help lists the levels."""
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -28,17 +29,17 @@ class LadderCommand(command.Command):
 
 
 @click.command("ladder", cls=LadderCommand)
-@command.scenario_argument
-@controller_option
+@ScenarioRequest.argument
+@ControllerName.option
 @click.option("--top", show_default="the last", metavar="LEVEL", help="The last level of the shipped plants.")
-@command.scenario_options
-@command.output_option(
+@ScenarioRequest.options
+@Command.output_option(
     "--out", FileKind.MCAP, "Log that overlays all levels. Default: logs/SCENARIO/CONTROLLER-ladder.mcap"
 )
-@command.output_option("--report", FileKind.HTML, "HTML page of it.")
-@command.json_option
+@Command.output_option("--report", FileKind.HTML, "HTML page of it.")
+@Command.json_option
 def ladder_command(
-    request: command.ScenarioRequest,
+    request: ScenarioRequest,
     controller: str | None,
     top: str | None,
     out: Path | None,
@@ -66,7 +67,7 @@ def ladder_command(
     from cranectl.support import Provenance
     from cranectl.tools.robustness.ladder import evaluate_levels, simulated_seconds
     from cranectl.tools.robustness.levels import LEVELS, NAMES
-    from cranectl.tools.robustness.report.tables import ladder_table
+    from cranectl.tools.robustness.report.tables import LadderTables
 
     top = top or NAMES[-1]
     loaded = request.load()
@@ -75,26 +76,26 @@ def ladder_command(
     FileKind.MCAP.check_place(log, option="--out")
     check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
     results = []
-    with progress_bar(simulated_seconds(loaded, top)) as advance:
+    with Screen.progress_bar(simulated_seconds(loaded, top)) as advance:
         for result in evaluate_levels(loaded, name, top=top, progress=advance):
             advance(0.0, f"{loaded.name}, {result.level.name}")
             results.append(result)
     made_by = Provenance.now()
     Log({r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results}).write_overlay(log)
-    screen.print(ladder_table(results))
+    screen.print(LadderTables.differences(results))
     added = {result.level.name for result in results}
-    unread = [*OF_RUNS, *_other_effects(added)]
-    print_idle_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
+    unread = [*IdleSettings.OF_RUNS, *_other_effects(added)]
+    IdleSettings.print_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:
         from cranectl.tools.robustness.report.page import ladder_page
 
-        screen.save_page(ladder_page(loaded, name, results, command.command_given()), report)
+        screen.save_page(ladder_page(loaded, name, results, Command.given()), report)
     screen.write_json(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
-    return exit_codes.RUN_STOPPED if any(result.run.status.stopped for result in results) else exit_codes.GOOD
+    return ExitCode.RUN_STOPPED if any(result.run.status.stopped for result in results) else ExitCode.GOOD
 
 
 def _other_effects(added: set[str]) -> list[str]:

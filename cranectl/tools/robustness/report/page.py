@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from cranectl.report.page import Figure, Page, Section
-from cranectl.report.theme import SERIES, STAND_IN, WIDTH, canvas, make_room, spaced
+from cranectl.report.theme import Chart
 from cranectl.scenario import Scenario
 from cranectl.support import Palette
 from cranectl.tools.robustness.certificate.certify import Certificate, NominalLoop
@@ -17,7 +17,7 @@ from cranectl.tools.robustness.certificate.loop import InnerLoop
 from cranectl.tools.robustness.certificate.nu_gap import complement, distance, orthonormal, smallest_sine
 from cranectl.tools.robustness.ladder import LevelResult, load_difference
 from cranectl.tools.robustness.levels import BASE
-from cranectl.tools.robustness.report import tables
+from cranectl.tools.robustness.report.tables import LadderTables
 
 Loops = tuple[NominalLoop, InnerLoop]  # of a controller: with the design model, and at the worst point
 
@@ -47,38 +47,48 @@ def _ladder_sections(results: Sequence[LevelResult]) -> tuple[Section, ...]:
             Figure.drawn("what each level adds", largest, deviation_dots, [*added], pair),
             Figure.drawn(distance, "", level_distances, results),
         )
-    costs = (tables.ladder_table(results),)
+    costs = (LadderTables.differences(results),)
     return (
         Section("costs", "What each effect costs", tables=costs, figures=figures),
-        Section("levels", "The levels", tables=(tables.levels_table(results),)),
+        Section("levels", "The levels", tables=(LadderTables.levels(results),)),
     )
 
 
 def deviation_dots(names: Sequence[str], pair: Mapping[str, Sequence[float]]) -> Drawing:
     """Draw two dots for each name, by label of their values [m]."""
-    (drawing, axes), rows = canvas(WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
-    for offset, role, marker, (label, values) in zip((-0.1, 0.1), SERIES, "oD", pair.items(), strict=False):
-        style: dict[str, Any] = {"color": STAND_IN[role], "markersize": 5, "clip_on": False, "zorder": 3}
+    (drawing, axes), rows = Chart.canvas(Chart.WIDTH, 0.9 + 0.3 * len(names)), np.arange(len(names))
+    for offset, role, marker, (label, values) in zip(
+        (-0.1, 0.1), Chart.SERIES, "oD", pair.items(), strict=False
+    ):
+        style: dict[str, Any] = {
+            "color": Chart.STAND_IN[role],
+            "markersize": 5,
+            "clip_on": False,
+            "zorder": 3,
+        }
         axes.plot(1e3 * np.maximum(values, MIN_DEVIATION), rows + offset, marker, label=label, **style)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set(xlim=(1e3 * MIN_DEVIATION, None), xlabel="largest deviation of the load [mm]")
     axes.set_yticks(rows, names)
-    make_room(drawing, names)
+    Chart.make_room(drawing, names)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    drawing.legend(loc="outside upper center", ncols=3, columnspacing=spaced(axes.lines))
+    drawing.legend(loc="outside upper center", ncols=3, columnspacing=Chart.spaced(axes.lines))
     return drawing
 
 
 def level_distances(results: Sequence[LevelResult]) -> Drawing:
     """Draw the distance of each load from the first one's over time, solid, then dashed."""
-    (drawing, axes), first = canvas(WIDTH, 3.4), results[0].run
+    (drawing, axes), first = Chart.canvas(Chart.WIDTH, 3.4), results[0].run
     distances = [np.linalg.norm(load_difference(result.run, first), axis=1) for result in results[1:]]
     apart = max((np.nanmax(distance, initial=0.0) for distance in distances), default=0.0) > MIN_DEVIATION
     axes.set_autoscaley_on(apart)  # without a distance there is nothing to scale by
     for k, (result, apart_by) in enumerate(zip(results[1:], distances, strict=True)):
         away = 1e3 * apart_by.clip(min=0.1 * MIN_DEVIATION)
-        style, colour = STYLES[k // len(SERIES) % 3], STAND_IN[SERIES[k % len(SERIES)]]
+        style, colour = (
+            STYLES[k // len(Chart.SERIES) % 3],
+            Chart.STAND_IN[Chart.SERIES[k % len(Chart.SERIES)]],
+        )
         axes.semilogy(first.time[: len(away)], away, style, color=colour, label=result.level.name)
     axes.set(xlabel="time [s]", ylabel="distance [mm]", ylim=(1e3 * MIN_DEVIATION, None if apart else 1.0))
     axes.yaxis.set_major_formatter("{x:g}")
@@ -89,7 +99,7 @@ def level_distances(results: Sequence[LevelResult]) -> Drawing:
 
 def certificate_figure(certificate: Certificate, loops: Loops) -> Drawing:
     """Draw the map on the left, the worst point with its `loops` on the right."""
-    figure, (left, right) = canvas(10.0, 4.4, 1, 2)
+    figure, (left, right) = Chart.canvas(10.0, 4.4, 1, 2)
     delay = f"delay {1e3 * certificate.delay:g} ms"
     figure.suptitle(f"{certificate.controller}, {certificate.drive} drives, {delay}")
     _draw_map(left, certificate)
@@ -108,7 +118,7 @@ def _draw_map(axes: Axes, certificate: Certificate) -> None:
     for (i, tilt), (j, speed) in product(tilts, speeds):
         line = [v for v in certificate.points if (v.point.tilt, v.point.hoisting_speed) == (tilt, speed)]
         lengths, gaps = [v.point.rope_length for v in line], [v.gap for v in line]
-        colour = Palette.LIGHT[SERIES[i % len(SERIES)]]
+        colour = Palette.LIGHT[Chart.SERIES[i % len(Chart.SERIES)]]
         label = f"{tilt[0]:g}, {tilt[1]:g} rad/s²; {speed:+g} m/s"
         axes.plot(lengths, gaps, STYLES[j % len(STYLES)], color=colour, linewidth=1.0, label=label)
         for length, gap, verdict in zip(lengths, gaps, line, strict=True):
@@ -124,7 +134,7 @@ def _draw_frequency(axes: Axes, loops: Loops) -> None:
     omega = np.geomspace(MIN_FREQUENCY, np.pi / nominal.period, 600)
     z = np.exp(1j * omega * nominal.period)
     run, model = orthonormal(nominal.opening.graph(worst).response(z)), orthonormal(nominal.graph.response(z))
-    colour = Palette.LIGHT[SERIES[0]]
+    colour = Palette.LIGHT[Chart.SERIES[0]]
     axes.semilogx(omega, distance(run, model), color=colour, label="distance to the design model")
     margin = smallest_sine(complement(nominal.opening.controller(z)), model)
     axes.semilogx(omega, margin, color=Palette.LIGHT["limit"], label="margin of the loop")

@@ -26,14 +26,9 @@ from cranectl.tools.robustness.certificate.conservatism import (
     find_limits,
     with_further_lag,
 )
-from cranectl.tools.robustness.certificate.linear_plant import ARRIVING, linear_plant
-from cranectl.tools.robustness.certificate.loop import (
-    closed_loop,
-    closed_loop_radius,
-    drive_slices,
-    inner_loop_of,
-)
-from cranectl.tools.robustness.certificate.nu_gap import nu_gap
+from cranectl.tools.robustness.certificate.linear_plant import ARRIVING, LinearPlant
+from cranectl.tools.robustness.certificate.loop import InnerLoop, drive_slices
+from cranectl.tools.robustness.certificate.nu_gap import NuGap
 from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
 from cranectl.tools.robustness.certificate.structured import SAFETY_FACTOR, drive_margins
 
@@ -62,7 +57,7 @@ def law_loops(*lengths: float) -> dict[float, NominalLoop]:
 
 def gap_of(nominal_loop: NominalLoop, scenario: Scenario, point: OperatingPoint) -> float:
     graph = nominal_loop.opening.graph(nominal_loop.inner_loop(scenario, point, "velocity"))
-    return nu_gap(graph, nominal_loop.graph).gap
+    return NuGap.between(graph, nominal_loop.graph).gap
 
 
 @pytest.mark.parametrize(("controller", "best"), [("pole-placement", 0.408), ("lqr", 0.568)])
@@ -155,16 +150,16 @@ def test_never_wrong_on_random_cranes(
 def test_drive_margins_are_safe_and_not_far_off() -> None:
     """Gains and delays that differ from drive to drive, within the tolerated: all stable. Beyond: not."""
     nominal_loop, scenario = nominal_loop_of("lqr+loop-shaping"), scenario_of(0.02, 0.01)
-    plant = linear_plant(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
-    inner = inner_loop_of(plant, nominal_loop.design.gain)
+    plant = LinearPlant.of(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
+    inner = InnerLoop.of(plant, nominal_loop.design.gain)
     margins = drive_margins(inner, nominal_loop.opening.axis.robustifier, PERIOD)
 
     def stable(gains: np.ndarray, delay: int) -> bool:
         b = plant.system.b.copy()
         b[:, ARRIVING] *= gains
         changed = replace(plant, system=plant.system._replace(b=b), delay=plant.delay + delay)
-        loop = inner_loop_of(changed, nominal_loop.design.gain)
-        return closed_loop_radius(loop, nominal_loop.opening.axis.robustifier) < 1.0
+        loop = InnerLoop.of(changed, nominal_loop.design.gain)
+        return loop.closed_loop_radius(nominal_loop.opening.axis.robustifier) < 1.0
 
     rng = np.random.default_rng(0)
     for spread, delay in margins.delays[1:3]:
@@ -186,7 +181,7 @@ def test_disk_margin_of_one_drive_is_python_controls() -> None:
     """Hanging, the bridge moves alone: opened there, the loop has one input and one output."""
     nominal_loop = nominal_loop_of("lqr")
     inner = nominal_loop.inner_loop(scenario_of(), HANGING, "velocity")
-    closed = closed_loop(inner, nominal_loop.opening.axis.robustifier)  # T' = -T
+    closed = inner.closed_loop(nominal_loop.opening.axis.robustifier)  # T' = -T
     omega = np.geomspace(0.1, 100.0, 400)
     t = -closed.response(np.exp(1j * omega * PERIOD))
     assert np.abs(t[:, 0, 1:]).max() < 1e-6 * np.abs(t).max()

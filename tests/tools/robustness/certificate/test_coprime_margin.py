@@ -8,7 +8,7 @@ import pytest
 
 from cranectl.design.loop_shaping import glover_mcfarlane
 from cranectl.tools.robustness.certificate.certify import REQUIRED_MARGIN
-from cranectl.tools.robustness.certificate.nu_gap import coprime_margin, largest_excess, nu_gap
+from cranectl.tools.robustness.certificate.nu_gap import CoprimeMargin, NuGap, largest_excess
 from cranectl.tools.robustness.certificate.systems import Complex, SampledSystem
 from tests.tools.robustness.certificate.test_nu_gap import graph_of, sampled
 
@@ -53,7 +53,7 @@ def delayed(plant: SampledSystem, samples: int) -> SampledSystem:
 def test_published_values(plant: tuple, controller: tuple, margin: float) -> None:
     """Their tolerance is 1e-3 of the margin; their loops are in negative feedback."""
     k = sampled(control.tf(*controller))
-    found = coprime_margin(graph_of(sampled(control.tf(*plant))), lambda z: -k.response(z), k.poles())
+    found = CoprimeMargin.of(graph_of(sampled(control.tf(*plant))), lambda z: -k.response(z), k.poles())
     assert found.margin == pytest.approx(margin, rel=1e-3)
 
 
@@ -65,7 +65,7 @@ def test_is_one_over_gamma_of_glover_and_mcfarlane(seed: int) -> None:
     plant = control.ss(rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(p, n)), 0)
     design = glover_mcfarlane(plant, 1.1)
     k = sampled(design.controller)
-    found = coprime_margin(graph_of(sampled(plant)), k.response, k.poles())
+    found = CoprimeMargin.of(graph_of(sampled(plant)), k.response, k.poles())
     assert found.margin == pytest.approx(1.0 / design.gamma, rel=1e-4)
 
 
@@ -91,10 +91,10 @@ def test_what_is_accepted_is_stable(seed: int) -> None:
     while accepted < 260:
         model, k = random_loop(rng)
         near = graph_of(model)
-        margin = coprime_margin(near, k.response, k.poles())
+        margin = CoprimeMargin.of(near, k.response, k.poles())
         for _ in range(12):
             other = varied(model, rng)
-            certified = nu_gap(graph_of(other), near).gap + REQUIRED_MARGIN < margin.margin
+            certified = NuGap.between(graph_of(other), near).gap + REQUIRED_MARGIN < margin.margin
             stable = np.abs(closed_poles(other, k)).max() < 1.0
             assert stable or not certified
             accepted += certified
@@ -115,14 +115,14 @@ def test_distance_below_margin_at_each_frequency_is_enough() -> None:
     def controller(z: Complex) -> Complex:
         return np.full((len(z), 1, 1), -k + 0j)
 
-    margin = coprime_margin(near, controller, np.zeros(0)).margin
+    margin = CoprimeMargin.of(near, controller, np.zeros(0)).margin
     assert margin == pytest.approx(1 / np.sqrt(1 + k * k), abs=1e-4)
     only_by_frequency = refused_unstable = 0
     for _ in range(60):
         gain, pole = 10.0 ** rng.uniform(-1, 1), rng.uniform(-3.0, 3.0)
         other = sampled(control.tf([gain], [1, pole]), 0.1)
         far = graph_of(other)
-        found = nu_gap(far, near)
+        found = NuGap.between(far, near)
         excess = largest_excess(far, near, controller, np.zeros(0))
         constant = SampledSystem(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.full((1, 1), -k))
         stable = np.abs(closed_poles(other, constant)).max() < 1.0

@@ -22,15 +22,14 @@ from cranectl.tools.robustness.certificate.certify import make_nominal_loops
 from cranectl.tools.robustness.certificate.linear_plant import (
     LINEAR,
     NOT_LINEAR,
-    linear_plant,
+    LinearPlant,
     present,
     run_plant,
 )
-from cranectl.tools.robustness.certificate.loop import closed_loop, flat_axis, inner_loop_of
+from cranectl.tools.robustness.certificate.loop import AxisDesign, InnerLoop
 from cranectl.tools.robustness.certificate.operating_points import (
+    EquilibriumState,
     OperatingPoint,
-    find_equilibrium,
-    signals_at,
     tilt_angles,
 )
 from tests.conftest import STILL
@@ -66,8 +65,8 @@ def nonlinear_loop(
     """
     design = design_controller("lqr+loop-shaping", scenario.design)
     tracker, plant, air = Tracker.of(scenario, design), run_plant(scenario, drive), air_of(scenario)
-    equilibrium = find_equilibrium(plant, point, air, G)
-    base, command, held = equilibrium.base, equilibrium.command, signals_at(equilibrium.joints, G)
+    equilibrium = OperatingPoint.find_equilibrium(plant, point, air, G)
+    base, command, held = equilibrium.base, equilibrium.command, EquilibriumState.at(equilibrium.joints, G)
     row = np.zeros(COLUMN.width + 3 * design.robustifier.sampled_order)
     reference = np.zeros(15)
     memory = np.zeros(MEMORY.robustifier + 3 * design.robustifier.sampled_order)
@@ -94,8 +93,8 @@ def linear_loop(
 ) -> np.ndarray:
     """The same of the linear loop."""
     design = design_controller("lqr+loop-shaping", scenario.design)
-    inner = inner_loop_of(linear_plant(scenario, point, drive), design.gain)
-    matrix = closed_loop(inner, flat_axis(design, PERIOD).robustifier).a
+    inner = InnerLoop.of(LinearPlant.of(scenario, point, drive), design.gain)
+    matrix = inner.closed_loop(AxisDesign.of_flat(design, PERIOD).robustifier).a
     x, states = np.append(offset, np.zeros(len(matrix) - 10)), []
     for _ in range(steps):
         states.append(x[:10])
@@ -146,7 +145,7 @@ def test_one_step_leaves_an_equilibrium(name: str, point: OperatingPoint) -> Non
     overrides = TOGETHER if name == "together" else EFFECTS[name]
     scenario = default_scenario(overrides=overrides)
     plant, air = run_plant(scenario, "velocity"), air_of(scenario)
-    equilibrium = find_equilibrium(plant, point, air, G)
+    equilibrium = OperatingPoint.find_equilibrium(plant, point, air, G)
     base, command = equilibrium.base, equilibrium.command
     set_state(plant, base, np.zeros(count_coordinates(plant)))
     plant.advance(command, np.array(point.tilt), air, np.zeros(7))
@@ -160,7 +159,7 @@ def test_a_turn_of_the_load_about_its_rope_is_no_state_of_the_loop() -> None:
     """Nothing depends on it, also where a running rope turns the load a little within the period."""
     scenario = default_scenario(overrides=["effects.body={}"])
     still, running = (
-        linear_plant(scenario, OperatingPoint(0.7, (0.5, 0.5), speed), "velocity") for speed in (0.0, -0.3)
+        LinearPlant.of(scenario, OperatingPoint(0.7, (0.5, 0.5), speed), "velocity") for speed in (0.0, -0.3)
     )
     assert running.system.a.shape == still.system.a.shape
 
@@ -168,7 +167,9 @@ def test_a_turn_of_the_load_about_its_rope_is_no_state_of_the_loop() -> None:
 def test_the_winch_is_told_to_haul_up_a_heavy_rope() -> None:
     """Its drive holds the load but not the rope's weight: a set-point of weight over gain upwards."""
     scenario = default_scenario(overrides=["effects.rope.mass=0.1"])
-    command = find_equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), STILL, G).command
+    command = OperatingPoint.find_equilibrium(
+        run_plant(scenario, "velocity"), OperatingPoint(0.7), STILL, G
+    ).command
     expected = -0.1 * 0.7 * G / scenario.rig.velocity_gains[2]
     assert command == pytest.approx([0.0, 0.0, expected], abs=1e-9)
 
@@ -198,28 +199,30 @@ def test_effects_are_taken_in_or_named() -> None:
 def test_a_point_without_equilibrium_is_refused() -> None:
     scenario = default_scenario(overrides=["effects.wind={mean=[60.0,0.0,0.0],drag_area=5.0}"])
     with pytest.raises(InputError, match="there is no equilibrium"):
-        find_equilibrium(run_plant(scenario, "velocity"), OperatingPoint(0.7), air_of(scenario), G)
+        OperatingPoint.find_equilibrium(
+            run_plant(scenario, "velocity"), OperatingPoint(0.7), air_of(scenario), G
+        )
 
 
 def test_hanging_still_with_ideal_drives_it_is_the_design_model() -> None:
     """What is left, the input held instead of v, is of the order of a period."""
     design = design_controller("lqr")
-    inner = inner_loop_of(linear_plant(default_scenario(), OperatingPoint(0.7), "ideal"), design.gain)
+    inner = InnerLoop.of(LinearPlant.of(default_scenario(), OperatingPoint(0.7), "ideal"), design.gain)
     z = np.exp(1j * PERIOD * np.array([0.01, 0.1, 1.0, 3.0, 10.0]))
-    expected = flat_axis(design, PERIOD).inner_loop().response(z)
+    expected = AxisDesign.of_flat(design, PERIOD).inner_loop().response(z)
     found = inner.response(z)
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
     assert np.abs(found - expected).max() < 0.01 * scale.max()
     assert (np.abs(found - expected) < 0.02 * scale).all()
-    shorter = inner_loop_of(linear_plant(default_scenario(), OperatingPoint(0.2), "velocity"), design.gain)
+    shorter = InnerLoop.of(LinearPlant.of(default_scenario(), OperatingPoint(0.2), "velocity"), design.gain)
     assert (np.abs(shorter.response(z) - expected) > 0.02 * scale).any()
 
 
 @pytest.mark.parametrize("delay", [1, 20])
 def test_delay_beside_the_matrices_is_delay_as_states(delay: int) -> None:
     scenario = default_scenario(overrides=[f"effects.delay.seconds={delay * PERIOD}"])
-    plant = linear_plant(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
-    inner = inner_loop_of(plant, design_controller("lqr").gain)
+    plant = LinearPlant.of(scenario, OperatingPoint(0.5, (0.5, 0.0)), "velocity")
+    inner = InnerLoop.of(plant, design_controller("lqr").gain)
     assert plant.delay == delay
     assert len(inner.arriving.a) == 15 + 3 * delay
     z = np.exp(1j * np.array([1e-4, 1e-3, 1e-2, 0.1, 1.0, 3.0]))
@@ -243,7 +246,7 @@ def test_linear_loop_with_observer_moves_as_a_run(delay: int, controller: str) -
     point, design = OperatingPoint(0.6), ALL_CONTROLLERS.design(controller, scenario)
     loop = make_nominal_loops(scenario, design, [point])[point.rope_length]
     inner = loop.inner_loop(scenario, point, "velocity")
-    matrix = closed_loop(inner, loop.opening.axis.robustifier).a
+    matrix = inner.closed_loop(loop.opening.axis.robustifier).a
     seen = np.arange(10) if loop.opening.name == "v-bar" else np.delete(np.arange(10), [ROPE, ROPE_RATE])
     held, offset = np.zeros(10), np.zeros(10)
     held[ROPE] = point.rope_length

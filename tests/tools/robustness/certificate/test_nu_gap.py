@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, solve_discrete_are
 
-from cranectl.tools.robustness.certificate.nu_gap import Graph, distance, nu_gap, orthonormal
+from cranectl.tools.robustness.certificate.nu_gap import Graph, NuGap, distance, orthonormal
 from cranectl.tools.robustness.certificate.systems import SampledSystem
 
 
@@ -57,15 +57,20 @@ def random_system(seed: int, n: int = 3, m: int = 2, p: int = 2) -> SampledSyste
     ],
 )
 def test_known_values(first: tuple, second: tuple, gap: float, digits: int) -> None:
-    assert nu_gap(tf(*first), tf(*second)).gap == pytest.approx(gap, abs=0.51 * 10.0**-digits)
+    assert NuGap.between(tf(*first), tf(*second)).gap == pytest.approx(gap, abs=0.51 * 10.0**-digits)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_metric(seed: int) -> None:
     """Zero to itself, symmetric, triangle inequality; random plants, many of them unstable."""
     a, b, c = (graph_of(random_system(3 * seed + k)) for k in range(3))
-    ab, ba, bc, ac = nu_gap(a, b).gap, nu_gap(b, a).gap, nu_gap(b, c).gap, nu_gap(a, c).gap
-    assert nu_gap(a, a).gap == pytest.approx(0.0, abs=1e-7)
+    ab, ba, bc, ac = (
+        NuGap.between(a, b).gap,
+        NuGap.between(b, a).gap,
+        NuGap.between(b, c).gap,
+        NuGap.between(a, c).gap,
+    )
+    assert NuGap.between(a, a).gap == pytest.approx(0.0, abs=1e-7)
     assert ab == pytest.approx(ba, abs=1e-6)
     assert ac <= ab + bc + 1e-6
     assert 0.0 < ab <= 1.0
@@ -85,8 +90,8 @@ def test_any_factorisation_gives_the_same(seed: int) -> None:
     """[P; I] against the graph under stabilising feedback."""
     first, second = random_system(seed), random_system(seed + 100)
     nearby = first._replace(c=first.c + 0.1 * second.c)
-    expected = nu_gap(graph_of(first), graph_of(nearby))
-    found = nu_gap(bare(first), bare(nearby))
+    expected = NuGap.between(graph_of(first), graph_of(nearby))
+    found = NuGap.between(bare(first), bare(nearby))
     assert found.winding == expected.winding
     assert found.gap == pytest.approx(expected.gap, abs=1e-6)
 
@@ -124,11 +129,11 @@ def test_a_sharp_resonance_is_not_stepped_over(damping: float) -> None:
     b = np.array([[1.0], [0.0]])
     mode = SampledSystem(a, b, np.array([[2.0 * damping, 0.0]]), np.zeros((1, 1)))
     nothing = mode._replace(c=np.zeros((1, 2)))
-    assert nu_gap(bare(mode), bare(nothing)).gap == pytest.approx(1 / np.sqrt(2), abs=2e-2)
+    assert NuGap.between(bare(mode), bare(nothing)).gap == pytest.approx(1 / np.sqrt(2), abs=2e-2)
 
 
 def test_a_pole_on_the_circle_is_refused_rather_than_guessed() -> None:
     integrator = SampledSystem(np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)))
     bare = Graph(lambda z: np.ones((len(z), 2, 1), dtype=complex), integrator.poles())
-    found = nu_gap(bare, graph_of(integrator))
+    found = NuGap.between(bare, graph_of(integrator))
     assert (found.gap, found.winding) == (1.0, None)
