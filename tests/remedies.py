@@ -191,8 +191,10 @@ def definitions(body: Iterable[ast.stmt]) -> dict[str, ast.expr | ast.FunctionDe
             names[node.target.id] = node.value
         elif isinstance(node, ast.FunctionDef):
             names[node.name] = node
-        elif isinstance(node, ast.ClassDef) and node.name == "InputError":
-            names |= definitions(node.body)
+        elif isinstance(node, ast.ClassDef):
+            members = definitions(node.body)
+            names |= {f"{node.name}.{name}": member for name, member in members.items()}
+            names |= members if node.name == "InputError" else {}
     return names
 
 
@@ -222,5 +224,8 @@ def texts(expression: ast.expr, known: dict[str, ast.expr | ast.FunctionDef]) ->
             func=ast.Name(id=name) | ast.Attribute(value=ast.Name(id="cls" | "InputError"), attr=name)
         ):
             function = known.get(name)
+            return of(*_returned(function)) if isinstance(function, ast.FunctionDef) else []
+        case ast.Call(func=ast.Attribute(value=ast.Name(id=owner), attr=name)):
+            function = known.get(f"{owner}.{name}")
             return of(*_returned(function)) if isinstance(function, ast.FunctionDef) else []
     return []

@@ -245,7 +245,9 @@ def test_other_names_are_refused_with_what_there_is(
 ) -> None:
     keys = '<keyframe><key name="hangs" qpos="0.1 0.2 0.1 0.2 -0.5 1 0 0 0"/></keyframe></mujoco>'
     changed(MODELS / "tendon.xml", tmp_path, ("</mujoco>", keys), name="keyed")
-    changed(MODELS / "tendon.xml", tmp_path, ('name="winch_drive"', ""))
+    unnamed = changed(MODELS / "tendon.xml", tmp_path, ('name="winch_drive"', "")).read_text()
+    before, _, after = unnamed.partition("<velocity")
+    Path("two.xml").write_text(before + after.partition("/>")[2])
     for line, remedy in (
         ("keyed.xml --set rig.plant.names.keyframe=up", "add --set rig.plant.names.keyframe=hangs"),
         ("mine.xml --set rig.plant.names.keyframe=up", "leave out rig.plant.names.keyframe"),
@@ -253,3 +255,5 @@ def test_other_names_are_refused_with_what_there_is(
     ):
         assert main(["info", *line.split()]) == 2
         assert capsys.readouterr().err.splitlines()[-1].endswith(remedy)
+    assert main(["info", "two.xml"]) == 2
+    assert "two.xml has 2 actuators" in capsys.readouterr().err

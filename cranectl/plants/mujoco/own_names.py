@@ -19,6 +19,13 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
     A body stands for its frame as pivot, and for its centre of mass as load. Raises InputError, with all that
     is missing, if a name is not in the model.
     """
+    drives = len(spec.actuators)
+    if drives < len(names.drives):
+        raise InputError(
+            f"{file} has {drives} actuator{'' if drives == 1 else 's'}",
+            allowed="a drive each of bridge, trolley and winch, since fewer axes and fixed ropes are not run",
+            remedy="add the drive that the file lacks, such as a winch that holds the rope",
+        )
     missing = []
     for key, name in names:
         if key == "keyframe":
