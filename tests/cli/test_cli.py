@@ -19,7 +19,7 @@ from cranectl.design import CONTROLLERS
 from cranectl.log.reader import read_log
 from cranectl.plants.plant import DRIVES
 from cranectl.plants.registry import PLANTS
-from cranectl.scenario.load import read_scenario, scenario_names
+from cranectl.scenario.load import ScenarioFile, scenario_names
 from cranectl.status import RunStatus
 from tests.cli.arguments import SHORT, STOP
 from tests.cli.conftest import Command, json_of
@@ -35,7 +35,7 @@ def test_list_names_all_controllers_scenarios_plants_and_drives(capsys: pytest.C
     result = json.loads(captured.out)
     assert result["controllers"] == list(controller_names())
     keys = {"name", "title", "duration", "controller"}  # which `list` reads without checking the rest
-    scenarios = [read_scenario(name).model_dump(include=keys) for name in scenario_names()]
+    scenarios = [ScenarioFile.read(name).model_dump(include=keys) for name in scenario_names()]
     assert result["scenarios"] == scenarios
     for name in (*controller_names(), *scenario_names(), *PLANTS, *DRIVES):
         assert name in captured.err, "tables go to standard error when JSON takes standard output"

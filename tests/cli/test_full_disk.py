@@ -34,8 +34,10 @@ WRITERS = {
 @contextmanager
 def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let no file of this process grow beyond ROOM, as on a disk that is full from then on."""
-    # Python would leave compiled modules of the environment cut off, and nobody could load them again.
+    # Python would leave compiled modules of the environment cut off, and nobody could load them again. What
+    # draws is a process of its own, with the same limit.
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, most))
     try:

@@ -140,7 +140,9 @@ def limit_memory(additional: int) -> None:
 
 def limit_disk(size: int) -> None:
     """Limit each file to `size` bytes, as a full disk does."""
-    sys.dont_write_bytecode = True  # Python would leave compiled modules of the environment cut off
+    # Python would leave compiled modules of the environment cut off, here and in further processes.
+    sys.dont_write_bytecode = True
+    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
