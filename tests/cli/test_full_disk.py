@@ -32,27 +32,26 @@ WRITERS = {
 
 
 @contextmanager
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def full_disk() -> Iterator[None]:
     """Let no file of this process grow beyond ROOM, as on a disk that is full from then on."""
-    # Python would leave compiled modules of the environment cut off, and nobody could load them again. What
-    # draws is a process of its own, with the same limit.
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, most))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
+    with pytest.MonkeyPatch.context() as patch:
+        # Python would leave compiled modules of the environment cut off, and nobody could load them again.
+        # What draws is a process of its own, with the same limit.
+        patch.setattr(sys, "dont_write_bytecode", True)
+        patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+        resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, most))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
 
 
 @pytest.mark.usefixtures("in_copy_of_files")
 @pytest.mark.parametrize("writer", WRITERS)
-def test_a_full_disk_is_told_in_one_sentence(
-    writer: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_told_in_one_sentence(writer: str, capfd: pytest.CaptureFixture[str]) -> None:
     before = {path for path in Path().rglob("*") if path.is_file()}
-    with full_disk(monkeypatch):
+    with full_disk():
         code = main(WRITERS[writer].split())
     error = capfd.readouterr().err
     assert code == 2, error
