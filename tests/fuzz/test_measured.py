@@ -1,6 +1,7 @@
 """Files of measuring systems with odd contents, and odd maps of them, are imported or refused."""
 
 import io
+import re
 import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -95,6 +96,19 @@ def excel_bytes(table: Mapping[str, Any]) -> bytes:
     for row in rows:
         book.active.append([_cell(value) for value in row])
     book.save(out)
+    with zipfile.ZipFile(out) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    core = "docProps/core.xml"  # which tells when the file was made
+    parts[core] = re.sub(rb"\d{4}-\d\d-\d\dT[\d:]+Z", b"2026-01-01T00:00:00Z", parts[core])
+    return archived(parts)
+
+
+def archived(parts: Mapping[str, bytes]) -> bytes:
+    """Return a ZIP archive without the time of day, so that a seed repeats its cases."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in parts.items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED)
     return out.getvalue()
 
 
@@ -114,7 +128,7 @@ def matlab_bytes(table: Mapping[str, Any], *, as_struct: bool = False) -> bytes:
     }
     content = {name: np.array([np.nan if v is None else v for v in values]) for name, values in names.items()}
     savemat(out, {"log": content} if as_struct else content)
-    return out.getvalue()
+    return b"MATLAB 5.0 MAT-file".ljust(116) + out.getvalue()[116:]  # without the time of day
 
 
 def mcap_bytes(table: Mapping[str, Any]) -> bytes:
@@ -153,12 +167,9 @@ def damaged_files(draw: st.DrawFn, content: bytes) -> bytes:
         return draw(damaged(content))
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}
-    name, out = draw(st.sampled_from(sorted(parts))), io.BytesIO()
+    name = draw(st.sampled_from(sorted(parts)))
     parts[name] = draw(damaged(parts[name]))
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for part, text in parts.items():
-            archive.writestr(part, text)
-    return out.getvalue()
+    return archived(parts)
 
 
 def map_text(table: Mapping[str, Any]) -> bytes:
