@@ -56,8 +56,10 @@ def names_in(module: str) -> set[str]:
 
 
 def test_names_that_files_beside_the_package_import_exist() -> None:
-    """Pages, the viewer's tests and examples are run late, and a checker of types does not read them."""
+    """Pages, viewer's tests, examples and what `new` writes run late; no checker of types reads them."""
     files = [path for path in ROOT.glob("*/**/*.py") if path.relative_to(ROOT).parts[0] in BESIDE]
+    templates = [*PACKAGE.glob("cli/templates/*.py.txt")]
+    files += templates
     parts = [path.relative_to(ROOT).with_suffix("").parts for path in PACKAGE.rglob("*.py")]
     modules, missing = {".".join(part).removesuffix(".__init__") for part in parts}, []
     for path in files:
@@ -70,6 +72,7 @@ def test_names_that_files_beside_the_package_import_exist() -> None:
                     if f"{node.module}.{name}" not in modules
                 ]
     assert len(files) > 50
+    assert len(templates) > 5
     assert missing == []
 
 
