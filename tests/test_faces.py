@@ -76,6 +76,21 @@ def test_names_that_files_beside_the_package_import_exist() -> None:
     assert missing == []
 
 
+def test_names_that_programs_in_texts_import_exist() -> None:
+    """Tests start programs that are texts, whose imports nobody else reads."""
+    imported, missing = 0, []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+            for module, names in re.findall(r"^from (cranectl(?:\.\w+){2,}) import ([\w, ]+)", text, re.M):
+                imported += 1
+                known = names_in(module)
+                wrong = [name for name in names.split(", ") if name.split()[0] not in known]
+                missing += [f"{path.name}: {module}.{name}" for name in wrong]
+    assert imported > 20
+    assert missing == []
+
+
 def names_of(room: str) -> set[str]:
     return set(importlib.import_module(f"cranectl.{room}").__all__)
 

@@ -55,7 +55,7 @@ import json
 import cranectl.design.controllers as designs
 import cranectl.loaders.python_controller as loader
 from cranectl.tools.benchmark.declared import assignments, variables_of
-from cranectl.tools.benchmark.settings import read_benchmark
+from cranectl.tools.benchmark.settings import Benchmark
 from cranectl.tools.benchmark.trials import DIVISIONS, campaign_of, trials_of
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 from cranectl.controllers.preparation import prepared
@@ -66,7 +66,7 @@ from cranectl.support import TOML, Tree
 
 designs.kept = lambda kind, key, compute: compute()  # stored designs would hide a difference
 loader.CompiledStep.address_of = lambda step: 0  # to compile steps, which are not called, takes half a minute
-benchmark = read_benchmark("literature")
+benchmark = Benchmark.read("literature")
 controllers = measured_controllers(benchmark)
 
 def tuned(name, length):

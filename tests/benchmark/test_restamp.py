@@ -32,7 +32,7 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> BenchmarkTable:
 
 def write(table: BenchmarkTable) -> bytes:
     """Write the table to the redirected file, and return its bytes."""
-    restamp.write_table(restamp.TABLE, table)
+    BenchmarkTable.write(restamp.TABLE, table)
     return restamp.TABLE.read_bytes()
 
 

@@ -212,7 +212,7 @@ def test_results_of_other_software_are_not_continued(refused: Refused) -> None:
     """A changed controller is other software. Limits only judge runs, so they may change."""
     run, manifest = f"{RUN} {SERVO} {NOMINAL}", Path("out/published/mujoco/nominal/short/servo/campaign.json")
     assert execute(run) == 0
-    change("short.toml", "final_error_m = 0.05", "final_error_m = 0.06")
+    change("short.toml", "final_error_m=0.05", "final_error_m=0.06")
     assert execute(run) == 0
     assert json.loads(manifest.read_text())["campaign"]["limits"]["final_error_m"] == 0.06
     change_controller()

@@ -114,7 +114,7 @@ def test_rules_exclude_controllers_and_seed(small: Path) -> None:
         (small, "variation_price = 0.02", "variation_price = 0.03", False),
         (small, "draws = 1, seed = 6", "draws = 2, seed = 6", False),
         (scenario, "duration = 0.6", "duration = 0.7", False),
-        (scenario, "final_error_m = 0.05", "final_error_m = 0.06", False),
+        (scenario, "final_error_m=0.05", "final_error_m=0.06", False),
         (scenario, 'name = "short"', 'name = "short"\nrig = "harbour-crane"', False),
     ):
         text = file.read_text()
