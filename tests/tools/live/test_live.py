@@ -185,7 +185,10 @@ def test_pause_stops_time_and_resume_continues_it(tmp_path: Path) -> None:
 
 
 def test_time_passes_at_the_set_speed(tmp_path: Path) -> None:
-    """A busy machine may be late, or catch up MAX_LAG. The duration of a block depends only on the speed."""
+    """A busy machine may be late, or catch up MAX_LAG, as may this process, but not three times in a row.
+
+    The duration of a block depends only on the speed.
+    """
     with live_session(tmp_path / "live.mcap", speed=0.5) as (_, viewer):
         viewer.subscribe("/reference/load")
         for speed in (0.5, 5.0, 0.25):
@@ -193,14 +196,19 @@ def test_time_passes_at_the_set_speed(tmp_path: Path) -> None:
             viewer.until(
                 lambda speed=speed: viewer.clock_ns[-1:] and step(viewer) == COMMAND_INTERVAL * speed
             )
-            viewer.clear_messages()
-            start, passed = time.monotonic(), 0.0
-            while passed < (0.6 + MAX_LAG) * speed:
-                viewer.rest(0.02)
-                times = [time_ns for time_ns, _ in viewer.of("/reference/load")]
-                passed = (times[-1] - times[0]) / 1e9 if times else 0.0
-            assert time.monotonic() - start > 0.5
+            assert any(seconds_of(viewer, (0.6 + MAX_LAG) * speed) > 0.5 for _ in range(3))
             assert step(viewer) == COMMAND_INTERVAL * speed
+
+
+def seconds_of(viewer: Viewer, simulated: float) -> float:
+    """Return how long `simulated` seconds take to arrive; less if this process had messages to catch up."""
+    viewer.clear_messages()
+    start, passed = time.monotonic(), 0.0
+    while passed < simulated:
+        viewer.rest(0.02)
+        times = [time_ns for time_ns, _ in viewer.of("/reference/load")]
+        passed = (times[-1] - times[0]) / 1e9 if times else 0.0
+    return time.monotonic() - start
 
 
 def step(viewer: Viewer) -> float:
