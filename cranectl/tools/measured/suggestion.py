@@ -175,8 +175,9 @@ def _rates(head: TableHead) -> frozenset[int]:
             values: Array = head.read(k).values[:MAX_COMPARED_ROWS]
         except InputError:
             continue
-        if len(values) > MIN_COMPARED_ROWS and np.isfinite(values).all() and np.ptp(values) > 0.0:
-            columns[k] = values
+        if len(values) > MIN_COMPARED_ROWS and np.isfinite(values).all() and values.any():
+            columns[k] = values / np.abs(values).max()  # whose squares are in range, whatever the unit
+    columns = {k: values for k, values in columns.items() if np.ptp(values) > 0.0}
     rates = set()
     for k, values in columns.items():
         for other, candidate in columns.items():

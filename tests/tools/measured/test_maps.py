@@ -87,3 +87,14 @@ def test_a_rate_is_no_position(tmp_path: Path) -> None:
     columns = {"t": time, "y": np.cos(time), "trolley encoder": np.sin(time)}
     path = write_csv(tmp_path / "a.csv", columns)
     assert 'trolley_position = {column = "trolley encoder"' in suggest_map(path)
+
+
+@pytest.mark.parametrize("odd", [1e300, -1.7e308, 5e-324])
+def test_a_map_is_suggested_where_a_sensor_fails_with_an_extreme_number(odd: float, tmp_path: Path) -> None:
+    """Its square has no place among the numbers of a computer, and the other columns are still known."""
+    time = 0.01 * np.arange(200)
+    columns = [time, np.sin(time), np.cos(2.0 * time), np.full(200, odd)]
+    columns[3][5] = 0.0
+    rows = "\n".join(",".join(map(repr, row)) for row in np.array(columns).T.tolist())
+    (tmp_path / "a.csv").write_text(f"t,x,y,alpha\n{rows}\n")
+    assert 'bridge_position = {column = "x"' in suggest_map(tmp_path / "a.csv")
