@@ -14,6 +14,7 @@ from cranectl.cli.main import main
 from cranectl.compare.agreement import judge
 from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.disturbed_step import step_in_stages
+from cranectl.plants.mujoco.own_check import find_differences
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.own_plant import OwnPlant
 from cranectl.plants.registry import PLANTS
@@ -128,7 +129,11 @@ def test_a_drive_that_runs_backwards_is_the_shipped_crane(tmp_path: Path) -> Non
     assert judge(own, ours).passed
 
 
-@pytest.mark.parametrize("drives", [FILTERED, MOVING])
+STOPPED = MOVING.replace('actrange="-9 9"', 'actrange="-9 0.69"')  # where the winch's set-point ends
+PLAIN = FILTERED.replace("filterexact", "filter")  # which the engine advances by its scheme
+
+
+@pytest.mark.parametrize("drives", [FILTERED, PLAIN, MOVING, STOPPED])
 def test_stages_advance_activations_as_the_engine_does(drives: str, tmp_path: Path) -> None:
     """Wind and disturbances are stepped in stages of our own."""
     file, courses = with_drives(tmp_path, drives), []
@@ -140,7 +145,7 @@ def test_stages_advance_activations_as_the_engine_does(drives: str, tmp_path: Pa
         )  # fmt: skip
         plant.reset(plant.rest)
         for k in range(100):
-            plant.set_command(np.array([0.5, -0.4, 0.3]) * np.sin(0.1 * k))
+            plant.set_command(np.array([0.5, -0.4, 0.3]) * np.sin(0.03 * k))
             if in_stages:
                 step_in_stages(plant.rig, np.zeros(2), STILL)
             else:
@@ -148,6 +153,7 @@ def test_stages_advance_activations_as_the_engine_does(drives: str, tmp_path: Pa
         courses.append(np.concatenate([plant.data.qpos, plant.data.qvel, plant.data.act]))
     assert np.abs(courses[0] - courses[1]).max() < 1e-13
     assert np.abs(courses[0][-3:]).min() > 1e-3
+    assert (courses[0][-1] == 0.69) == (drives == STOPPED)
 
 
 def test_one_body_may_slide_along_x_and_y(tmp_path: Path) -> None:
@@ -200,7 +206,7 @@ def test_names_that_are_missing_are_guessed_all_at_once(
 
 @pytest.mark.parametrize(("pivot", "load"), [("trolley", "load"), ("beam", "ball")])
 def test_bodies_and_shapes_stand_for_sites(pivot: str, load: str, tmp_path: Path) -> None:
-    """A body stands for its frame as pivot, and for its centre of mass as load."""
+    """Where they are those of a site, they show the same crane."""
     file = changed(
         MODELS / "tendon.xml",
         tmp_path,
@@ -212,6 +218,19 @@ def test_bodies_and_shapes_stand_for_sites(pivot: str, load: str, tmp_path: Path
     own = open_model(file, ModelNames(pivot=pivot, load=load))
     assert own.rest[4] == pytest.approx(0.7)
     assert own.load_mass == pytest.approx(1.0)
+
+
+def test_of_a_body_that_is_the_load_the_centre_of_mass_counts(tmp_path: Path) -> None:
+    file = crane_with(
+        tmp_path,
+        ('<inertial pos="0 0 0" mass="1"', '<inertial pos="0 0 -0.1" mass="1"'),
+        ('<site name="load" pos="0 0 0"/>', '<site name="end" pos="0 0 0"/>'),
+        ('site="load"', 'site="end"'),
+        ('objname="load"', 'objname="end"'),
+    )
+    own = open_model(file, ModelNames())
+    assert own.rest[4] == pytest.approx(0.8)
+    assert find_differences(own) == ()
 
 
 def test_a_keyframe_has_the_pose_that_the_file_has_not(

@@ -134,7 +134,7 @@ REFUSED = [
     ([(BRIDGE, f'{BRIDGE} group="3"'), OFF], "actuatorgroupdisable switches its group 3 off"),
     (
         [(BRIDGE, f'{BRIDGE} forcerange="5 6"')],
-        "a small control of bridge_drive changes its force by 0 times",
+        "control of bridge_drive has 0 of the effect",
     ),
     ([(f"velocity {DRIVEN} {BRIDGE}", MUSCLE)], "bridge_drive has an activation of the type muscle"),
     (

@@ -102,8 +102,7 @@ def _unrest(own: OwnModel, state: Array) -> Array:
 
 def _forward(own: OwnModel, state: Array) -> tuple[mujoco.MjData, Array]:
     """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there."""
-    data = mujoco.MjData(own.free)
-    own.pose(data)
+    data = own.new_data(own.free)
     gradient = own.place(data, state)
     own.hold(data)
     mujoco.mj_forward(own.free, data)

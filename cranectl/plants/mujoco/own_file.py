@@ -124,7 +124,7 @@ def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]
         )
     if delay := float(model.actuator_delay[k]):
         yield (
-            f"a delay of {delay:g} s, which only starts with an empty history",
+            f"a delay of {delay:g} s",
             f"remove delay from {name}, and add --set effects.delay.seconds={delay:g}, for all plants",
         )
     if model.actuator_dyntype[k] not in ACTIVATIONS or model.actuator_actearly[k]:

@@ -31,7 +31,7 @@ PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
 NAMES = "check the names in [plant.names], and what else the drive moves; no crane may slew or luff"
 TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
-MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia
+MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
 
 
 class OwnModel(SiteModel):
@@ -148,9 +148,9 @@ class OwnModel(SiteModel):
                 found[f"{AXES[axis]}_range"] = (ends[0], ends[1])
         return found
 
-    def new_data(self) -> mujoco.MjData:
-        """Return data in the pose of the file, or of the keyframe that the rig names."""
-        data = mujoco.MjData(self.model)
+    def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
+        """Return data of the model, or of a variant, in the pose of the file or of the rig's keyframe."""
+        data = mujoco.MjData(model or self.model)
         self.pose(data)
         return data
 
@@ -225,8 +225,7 @@ class OwnModel(SiteModel):
 
     def _check_response(self) -> None:
         """Raise InputError for a drive whose force does not change at once by its gain times its control."""
-        data = mujoco.MjData(self.free)
-        self.pose(data)
+        data = self.new_data(self.free)
         self.place(data, self.rest)
         self.hold(data)
         mujoco.mj_forward(self.free, data)
@@ -244,8 +243,8 @@ class OwnModel(SiteModel):
             values[index] = value
             if not min(abs(share - 1.0) for share in shares) < MAX_COUPLING:
                 raise InputError(
-                    f"{self.file}: at rest, a small control of {name} changes its force by "
-                    f"{max(shares, key=abs):.3g} times its gain",
+                    f"{self.file}: at rest, a small change of the control of {name} has "
+                    f"{max(shares, key=abs):.3g} of the effect that its gain states",
                     allowed="drives that follow their controls, or filters of these, within their limits",
                     remedy=f"let ctrlrange and forcerange of {name} include what holds the crane at rest",
                 )
@@ -280,8 +279,7 @@ class OwnModel(SiteModel):
         model.opt.wind[:] = 0.0
         for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             model.opt.disableflags |= int(flag)
-        data = mujoco.MjData(model)
-        self.pose(data)
+        data = self.new_data(model)
         gradient = self.place(data, self.rest)
         accelerations = []
         for force in (np.zeros(model.nv), *self._moments(data)):

@@ -1,8 +1,9 @@
 """Find what the names of a rig stand for in a user's model, and guess those that are missing."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,8 +17,8 @@ ALONG = 0.99  # cosine, of a rail and the axis that it runs along
 def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
     """Make sites of bodies and geoms that stand for pivot and load.
 
-    A body stands for its frame as pivot, and for its centre of mass as load. Raises InputError, with all that
-    is missing, if a name is not in the model.
+    Of a body that is the pivot, the origin of its frame counts, and of one that is the load, the centre of
+    mass. Raises InputError, with all that is missing, if a name is not in the model.
     """
     drives = len(spec.actuators)
     if drives < len(names.drives):
@@ -64,8 +65,8 @@ def _words(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _names(elements: list[object]) -> list[str]:
-    return [element.name for element in elements if element.name]  # type: ignore[attr-defined]
+def _names(elements: Iterable[Any]) -> list[str]:
+    return [element.name for element in elements if element.name]
 
 
 def _allowed(spec: mujoco.MjSpec) -> str:
@@ -91,13 +92,12 @@ def _guesses(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     yield from _guessed_drives(model, data)
-    carried, pivot, load = _carried(model, data), 0, 0
-    for body in range(1, model.nbody):
-        if body in carried and carried[body] == {"x", "y"}:
-            pivot = body  # children come later: the last body that x and y carry, and nothing else
+    carried = _carried(model, data)
+    trolleys = [body for body, axes in carried.items() if axes == {"x", "y"}]
     hangs = [body for body in range(1, model.nbody) if body not in carried]
-    if not pivot or not hangs:
+    if not trolleys or not hangs:
         return
+    pivot = trolleys[-1]  # children come later, so this is the last one that only x and y carry
     load = min(hangs, key=lambda body: float(data.xipos[body, 2]))
     for key, body in (("pivot", pivot), ("load", load)):
         sites = [k for k in range(model.nsite) if model.site_bodyid[k] == body and model.site(k).name]
