@@ -17,7 +17,7 @@ from cranectl.design import CONTROLLERS
 from cranectl.planning import load_scenario
 from cranectl.plants import registry
 from cranectl.scenario import Scenario
-from cranectl.scenario.load import scenario_names
+from cranectl.scenario.load import ScenarioFile, scenario_names
 from cranectl.simulate import Run, simulate_run
 
 ROOT = Path(__file__).parent.parent
@@ -26,6 +26,12 @@ PAIR = ("analytic", "mujoco")
 ALL_SCENARIOS = scenario_names()
 ALL_CONTROLLERS = CONTROLLERS
 STILL = np.zeros(6)  # no wind, and no force on the load
+
+
+def controllers_of(scenario: str) -> tuple[str, ...]:
+    """Return the controllers with which `validate` runs a shipped scenario: the flat family, or its own."""
+    own = ScenarioFile.read(scenario).controller.name
+    return ALL_CONTROLLERS if own in ALL_CONTROLLERS else (own,)
 
 
 def random_states(n: int, seed: int = 0) -> np.ndarray:

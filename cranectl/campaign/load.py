@@ -40,7 +40,7 @@ def _check_not_idle(
     zero = {name: value == 0 for name, value in numbers_of(nominal).items()}
     zero |= {parameter.name: parameter.ends == (0.0, 0.0) for parameter in parameters}
     for parameter, plant in itertools.product(parameters, settings.plants):
-        why = RunKind(plant, settings.drive).why_idle_on_plant(parameter.name, zero)
+        why = RunKind(plant, settings.drive).why_idle_on_plant(parameter.name, nominal.rig, zero)
         if parameter.name == BANDWIDTH:
             why = "the controller keeps the observer of the nominal scenario"
         if why:

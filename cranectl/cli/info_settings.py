@@ -97,7 +97,7 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
             f"scaled from the laboratory rig: lengths by {rig.length:.3g}, times by {rig.length**0.5:.3g}, "
             f"masses and forces by {rig.mass:.3g}"
         )
-    screen.print_each(filter(None, [rig.rig.mass_warning]))
+    screen.print_each(filter(None, [rig.rig.fixed_note, rig.rig.mass_warning]))
     screen.write_json(
         {
             "kind": "rig",

@@ -75,7 +75,8 @@ def run_command(
     with Screen.progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = case.run(progress=advance)
     screen.print(RunTables.runs({case.log.stem: result.runs}))
-    screen.print_each([*case.left_out, *RunTables.run_notes([result])], indent="  ")
+    notes = filter(None, [case.scenario.rig.fixed_note, *case.left_out, *RunTables.run_notes([result])])
+    screen.print_each(notes, indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(Screen.styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]

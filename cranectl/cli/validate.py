@@ -80,10 +80,10 @@ def validate_command(
     """Run scenarios on all plants and judge their agreement.
 
     Runs the six controllers of the flat family, or those that --controller names, with ideal and
-    velocity drives. The limits of agreement and their reasons are in validation/tolerances.toml; they
-    hold for every scenario and rig. A scenario's own [limits] are judged too. A scenario that cannot be
-    run is a failed case with its reason; the others run. The screen shows the largest differences of
-    each scenario, and what failed.
+    velocity drives; a scenario with a controller of another family runs with that one. The limits of
+    agreement and their reasons are in validation/tolerances.toml; they hold for every scenario and rig.
+    A scenario's own [limits] are judged too. A scenario that cannot be run is a failed case with its
+    reason; the others run. The screen shows the largest differences of each scenario, and what failed.
 
     SCENARIO is a name, a file, or a directory with scenarios, also in directories below it.
 
@@ -120,8 +120,11 @@ def validate_command(
     screen.print_each(
         f"{name} is given more than once, and judged once" for name, n in sources.items() if n > 1
     )
-    loaded, unloaded = _loaded(request, tuple(sources), plants, () if controllers else names)
-    cases = _cases(loaded, names, drive, plants, out=out, keep=keep, pairwise=pairwise, timeout=timeout)
+    loaded, unloaded = _loaded(request, tuple(sources), plants)
+    cases = _cases(
+        loaded, names, drive, plants, out=out, keep=keep, pairwise=pairwise, timeout=timeout,
+        stated=bool(controllers),
+    )  # fmt: skip
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
@@ -158,8 +161,12 @@ def _cases(
     keep: Literal["all", "failed", "none"],
     pairwise: bool,
     timeout: float,
+    stated: bool,
 ) -> list["Case"]:
-    """Return a case for each scenario, controller and drive, with logs in `out` that all differ."""
+    """Return a case for each scenario, controller and drive, with logs in `out` that all differ.
+
+    Controllers that are not `stated` by the user are the usual ones.
+    """
     from cranectl.cases import Case
     from cranectl.plants import DRIVES, Drive
 
@@ -178,11 +185,16 @@ def _cases(
             timeout=timeout,
         )
         for source, scenario in loaded.items()
-        for name in controllers
+        for name in (controllers if stated else _usual_or_own(scenario, controllers))
         for kind in _common_drives(scenario.rig, plants, drives)
     ]
     Case.check_logs_differ(cases)
     return cases
+
+
+def _usual_or_own(scenario: "Scenario", usual: Sequence[str]) -> Sequence[str]:
+    own = scenario.controller.name
+    return usual if own in usual else (own,)
 
 
 def _run(
@@ -271,9 +283,9 @@ def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence[
 
 
 def _loaded(
-    request: ScenarioRequest, names: Sequence[str], plants: Sequence[str], usual: Sequence[str]
+    request: ScenarioRequest, names: Sequence[str], plants: Sequence[str]
 ) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
-    """Return scenarios by name, and why others fail: also since they have none of the `usual` controllers."""
+    """Return scenarios by name, and why others cannot be loaded."""
     from cranectl.cases import Failure
     from cranectl.metrics import Limits
     from cranectl.plants import PLANTS
@@ -283,12 +295,6 @@ def _loaded(
         try:
             scenario = request._replace(source=name).load()
             Limits.by_plant(scenario, PLANTS.to_run(plants, scenario.rig))
-            if usual and (own := scenario.controller.name) not in usual:
-                raise InputError(
-                    f"{scenario.name}: its controller is '{own}', which runs only if --controller names it",
-                    allowed=f"without --controller: scenarios with one of {', '.join(usual)}",
-                    remedy=f"add --controller {own}",
-                )
             loaded[name] = scenario
         except Exception as error:
             unloaded[name] = Failure.of(error)

@@ -15,7 +15,7 @@ from cranectl.controllers.controller import ROPE_SLACK, Controller, Nominal, Siz
 from cranectl.controllers.flat import RUNNING, regularity
 from cranectl.controllers.preparation import prepared
 from cranectl.controllers.registry import OPEN
-from cranectl.model import AxisMasses, axis_masses, flat_output
+from cranectl.model import AxisMasses, flat_output, movable_masses
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
 from cranectl.support import Array, CompiledStep, InputError, jit
@@ -71,7 +71,7 @@ class CompiledController(NamedTuple):
             encoders=controller.measures == "encoders",
             velocity=controller.command == "velocity",
             force=controller.command == "force",
-            masses=axis_masses(nominal.rig),
+            masses=movable_masses(nominal.rig),
             places=places,
             start=memory,
             **_memories(),

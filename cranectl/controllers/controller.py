@@ -218,6 +218,8 @@ class Controller:
         Makes the design of one axis from [design]; the name is then one of `design.CONTROLLERS`.
     records_all : bool
         Whether the memory ends with all that a run records, in the order of the groups of its design.
+    needs_winch : bool
+        Whether it moves the rope so that the load follows its path; it is refused on a fixed rope.
     slack_place : int or None
         Index where the loop writes whether the rope is slack. Only then it is called on a slack rope.
     period : float or None
@@ -251,6 +253,7 @@ class Controller:
     reads: tuple[str, ...] | None = None
     axis_design: Callable[[DesignSettings], Design] | None = None
     records_all: bool = False
+    needs_winch: bool = False
     slack_place: int | None = None
     period: float | None = None
 

@@ -262,6 +262,7 @@ FLAT_CONTROLLERS = {
         reads=("gravity",),
         axis_design=partial(design_controller, name),
         records_all=True,
+        needs_winch=True,
         slack_place=MEMORY.slack,
     )
     for name, title in TITLES.items()

@@ -134,4 +134,5 @@ FLAT_VELOCITY = Controller(
         *map(Logged, range(VIRTUAL, VIRTUAL + 3), SignalGroup.VIRTUAL_INPUT.signals[:3]),
     ),
     linearise=linearise,
+    needs_winch=True,
 )  # fmt: skip

@@ -9,7 +9,7 @@ and this C makes dM/dt - 2C skew. `validation/proofs/derivations/lagrange.py` de
 Lagrangian.
 """
 
-from math import cos, sin
+from math import cos, inf, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -76,7 +76,10 @@ def rope_direction_rate(alpha, alpha_rate, beta, beta_rate):
 
 
 class AxisMasses(NamedTuple):
-    """The masses that the forces of the drives move [kg], and gravity [m/s²]."""
+    """The masses that the forces of the drives move [kg], and gravity [m/s²].
+
+    An infinite mass is one that nothing can move: that of a fixed axis.
+    """
 
     bridge: float  # bridge and trolley, along x
     trolley: float  # along y
@@ -96,6 +99,13 @@ def axis_masses(rig: RigParameters) -> AxisMasses:
     )
 
 
+def movable_masses(rig: RigParameters) -> AxisMasses:
+    """Return the masses of `rig`, with infinite ones for its fixed axes."""
+    masses = axis_masses(rig)
+    own = dict(zip(masses._fields, rig.moves, strict=False))
+    return masses._replace(**{name: inf for name, moves in own.items() if not moves})
+
+
 @jit
 def _rope_force(state, u_x, u_y, u_l, gravity):
     """Return `specific_rope_force` at `state` (10,), in the order of `SignalGroup.STATE`."""
@@ -110,14 +120,21 @@ def drive_forces(masses, state, u_x, u_y, u_l):
 
     Each drive moves its own mass against the rope's tension S = -m a_r, which pulls along (n_x, n_y, 1). So
     F = P u + w with P = M_drives + m (n_x, n_y, 1)'(n_x, n_y, 1). `state` (10,) is as `SignalGroup.STATE`.
+    On a fixed axis there is no drive, and its force is 0.
     """
     n = rope_direction(state[ALPHA], state[BETA])
     tension = -masses.load * _rope_force(state, u_x, u_y, u_l, masses.gravity)
     return (
-        masses.bridge * u_x - tension * n[0],
-        masses.trolley * u_y - tension * n[1],
-        masses.winch * u_l - tension,
+        axis_force(masses.bridge, u_x, tension * n[0]),
+        axis_force(masses.trolley, u_y, tension * n[1]),
+        axis_force(masses.winch, u_l, tension),
     )
+
+
+@jit
+def axis_force(mass, acceleration, pull):
+    """Return the force [N] that accelerates a mass [kg] against a pull [N]; 0 for a fixed axis."""
+    return mass * acceleration - pull if mass < inf else 0.0
 
 
 @jit

@@ -18,7 +18,6 @@ from cranectl.scenario import Drawing, Scenario, Segment
 from cranectl.support import Array
 
 SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits that plans may use, see docs/explanation/planning.md
-ROPE_TOLERANCE = 1e-3  # of its length, by which a constant rope may vary
 SIDES = ("x-", "x+", "y-", "y+", "above")
 AXES = ("bridge", "trolley", "rope")
 
@@ -69,9 +68,9 @@ def limits_of(scenario: Scenario) -> Limits:
         drives=scenario.drive_limits_key,
         gravity=rig.gravity,
         lag=rig.time_constants * scenario.control.lag_compensation,
-        velocity=share * np.array(drives.velocity),
-        acceleration=share * np.array(drives.acceleration),
-        force=share * np.array(drives.force),
+        velocity=share * np.where(rig.moves, drives.velocity, np.inf),  # nothing drives a fixed axis
+        acceleration=share * np.where(rig.moves, drives.acceleration, np.inf),
+        force=share * np.where(rig.moves, drives.force, np.inf),
         jerk=share * np.array(planning.jerk or (np.inf,) * 3),
         masses=masses,
         lean=tan(share * planning.lean),

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from cranectl.planning.blends import check_follower, path_with_blends
 from cranectl.planning.checks import check_count, check_duration, check_least_time, check_point
-from cranectl.planning.limits import ROPE_TOLERANCE, Limits, key_of, limits_of, share_of
+from cranectl.planning.limits import Limits, key_of, limits_of, share_of
 from cranectl.planning.minimum_time import (
     SPANS,
     FastestMotion,
@@ -37,6 +37,7 @@ from cranectl.scenario import (
     FromFile,
     Line,
     Move,
+    RigParameters,
     Scenario,
     Segment,
     Spline,
@@ -178,6 +179,10 @@ def _set_time_law(segment: Along | Spline, motion: FastestMotion) -> Along | Spl
 
 def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> list[Segment]:
     """Plan a free motion: the fastest spline, else lines with stops unless `constant_rope` forbids them."""
+    requested, rig = segment, scenario.rig
+    # A crane with fewer axes moves as others do where these are asked not to move.
+    plane, constant = segment.plane or rig.axes != "xy", segment.constant_rope or rig.rope == "fixed"
+    segment = segment.model_copy(update={"plane": plane, "constant_rope": constant})
     points = _distinct_points(segment, start)
     size = float(sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(points)))
     limits = limits_for(size, scenario)
@@ -189,7 +194,7 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
     if segment.duration is None:
         motion = _find_faster(free_motion(segment, points, corners, limits, longest), scenario)
         if motion and motion.duration <= Scenario.MAX_SECONDS:
-            return [_spline_segment(segment, motion)]
+            return [_spline_segment(requested, motion)]
         quickest = motion.duration if motion else longest
     slowest = int(np.argmax(durations))
     constraint = find_limiting_constraint(lines[slowest], limits, durations[slowest])
@@ -199,7 +204,8 @@ def plan_move(segment: Move, start: Array, scenario: Scenario, where: str) -> li
             f"{where}: no motion with constant_rope is found that takes at most {longest:.4g} s, as straight "
             "lines with a varying rope do",
             allowed="limits of [planning] and of drives that leave room for it",
-            remedy="leave constant_rope out, or relax planning.tension and the other limits",
+            remedy="leave constant_rope out, or " * (rig.rope == "hoisted")
+            + "relax planning.tension and the other limits",
         )
     return [
         Line(kind="line", to=tuple(geometry.end.tolist()), duration=duration)
@@ -244,7 +250,7 @@ def _check_move(segment: Move, points: Sequence[Array], limits: Limits, where: s
     for name, point in zip(names, points, strict=True):
         check_point(point, limits, f"{where}: its {name}")
     heights = [float(point[2]) for point in points]
-    if segment.constant_rope and np.ptp(heights) > ROPE_TOLERANCE * abs(heights[0]):
+    if segment.constant_rope and np.ptp(heights) > RigParameters.ROPE_TOLERANCE * abs(heights[0]):
         raise InputError(
             f"{where}: constant_rope with points at heights from {min(heights):g} to {max(heights):g} m",
             allowed="points of one height, where the load hangs at rest on one length of rope",
@@ -267,7 +273,7 @@ def free_motion(
     """Return the task of a move through `points`, first guessed along `corners`."""
     start, end = points[0], points[-1]
     if segment.constant_rope:
-        rope = -start[2] * (1.0 + ROPE_TOLERANCE * np.array([-1.0, 1.0]))
+        rope = -start[2] * (1.0 + RigParameters.ROPE_TOLERANCE * np.array([-1.0, 1.0]))
         limits = limits._replace(axes=np.vstack([limits.axes[:2], rope]))
     guess = round_corners(corners)
     along = np.array([*(end - start)[:2], 0.0])

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cranectl.model import AxisMasses, axis_masses
+from cranectl.model import AxisMasses, axis_masses, movable_masses
 from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
 from cranectl.scenario import EffectSettings, RigParameters
@@ -64,7 +64,7 @@ def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> A
     masses, (gain, damping, load_force) = axis_masses(rig), DRIVES[drive].push(rig, effects)
     along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
     return AxisDrives(
-        masses,
+        movable_masses(rig),
         slope=(masses.bridge * along_x, masses.trolley * along_y),
         gain=gain,
         damping=damping,

@@ -39,11 +39,17 @@ class DriveKind:
         return effects.staged or self.column is None
 
     def push(self, rig: "RigParameters", effects: "EffectSettings") -> tuple[Triple, Triple, Triple]:
-        """Return gain, damping and holding force [N]: force = gain · command - damping · rate - holding."""
-        bridge, trolley, winch = rig.velocity_gains.tolist()
+        """Return gain, damping and holding force [N]: force = gain · command - damping · rate - holding.
+
+        All are 0 for a fixed axis.
+        """
+        bridge, trolley, winch = (rig.velocity_gains * rig.moves).tolist()
         none, servo = (0.0, 0.0, 0.0), (bridge, trolley, winch)
-        load_force = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if self.holds_weight else 0.0)
-        return (servo, servo, load_force) if self.is_servo else ((1.0, 1.0, 1.0), none, load_force)
+        holds = self.holds_weight and rig.moves[2]
+        load_force = (0.0, 0.0, rig.hanging_mass(effects) * rig.gravity if holds else 0.0)
+        along_x, along_y, along_rope = rig.moves
+        motors = (float(along_x), float(along_y), float(along_rope))
+        return (servo, servo, load_force) if self.is_servo else (motors, none, load_force)
 
 
 class Drives(dict[Drive, DriveKind]):

@@ -287,10 +287,6 @@ class EffectSettings(Settings):
         """The effects with only those settings that keep a plant linear."""
         return EffectSettings(**{name: getattr(self, name).linear_part for name in self.names})
 
-    def air_velocity(self, samples: int, period: float) -> NDArray[np.float64]:
-        """Return the velocity of the air (x, y, z) at every sample [m/s], shape (samples, 3)."""
-        return self.wind.velocity(samples, period) if self.wind else np.zeros((samples, 3))
-
     @property
     def in_air(self) -> "EffectSettings":
         """The effects with which forces act on the load: with wind, or else in still air without drag."""

@@ -5,7 +5,7 @@ its reason in the field's description; all can be overridden in a scenario or by
 `models/crane.xml` repeats these numbers so that it stands alone; a test keeps the two equal.
 """
 
-from typing import Annotated
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,8 +59,20 @@ class PlantSettings(Settings):
 class RigParameters(Settings):
     """Physical parameters of the rig, in SI units."""  # schemas of files show this text
 
+    ROPE_TOLERANCE: ClassVar[float] = 1e-3  # of its length, by which a rope that is kept constant may vary
+
     gravity: Annotated[float, Field(ge=1.0, le=30.0)] = Field(  # wider than from the Moon to Jupiter
         9.81, description="gravitational acceleration [m/s²]; the usual rounded value"
+    )
+    axes: Literal["xy", "x", "y"] = Field(
+        "xy",
+        description="horizontal axes that move; on x alone or y alone the load swings in one plane",
+        exclude_if=lambda axes: axes == "xy",
+    )
+    rope: Literal["hoisted", "fixed"] = Field(
+        "hoisted",
+        description="fixed: there is no winch, and the rope keeps the length of the start",
+        exclude_if=lambda rope: rope == "hoisted",
     )
     bridge_range: Range = Field(
         (0.0, 2.0), description="travel of the bridge along x [m]; length of the rig, thesis 5.2.2"
@@ -133,6 +145,22 @@ class RigParameters(Settings):
         return np.array([self.bridge_range, self.trolley_range, self.rope_range])
 
     @property
+    def moves(self) -> tuple[bool, bool, bool]:
+        """Whether bridge, trolley and winch can move."""
+        return "x" in self.axes, "y" in self.axes, self.rope == "hoisted"
+
+    @property
+    def fixed_note(self) -> str:
+        """A sentence if not all axes move; else ""."""
+        if all(self.moves):
+            return ""
+        along = f"along {self.axes} only" if self.axes != "xy" else ""
+        rope = "on a fixed rope" if self.rope == "fixed" else ""
+        return (
+            f"the crane moves {', '.join(filter(None, (along, rope)))}: commands for other axes are ignored"
+        )
+
+    @property
     def time_constants(self) -> NDArray[np.float64]:
         """Lags of the velocity drives of bridge, trolley and winch [s], shape (3,)."""
         return np.array([self.bridge_time_constant, self.trolley_time_constant, self.winch_time_constant])
@@ -193,7 +221,7 @@ class RigParameters(Settings):
         weight = self.hanging_mass(effects) * self.gravity
         hooked = self.hanging_mass(effects) > self.load_mass
         what, verb = ("the load and hook", "weigh") if hooked else ("the load", "weighs")
-        if effects.limits and effects.limits.force[2] <= weight:
+        if effects.limits and self.rope == "hoisted" and effects.limits.force[2] <= weight:
             raise InputError(
                 f"effects.limits.force lets the winch pull {effects.limits.force[2]:g} N, but {what} {verb} "
                 f"{weight:g} N",

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from cranectl.scenario.design import DesignSettings
 from cranectl.scenario.disturbances import NANOSECONDS, Disturbance, nanoseconds
 from cranectl.scenario.effects import NO_EFFECTS, DriveLimits, EffectSettings
+from cranectl.scenario.fixed_axes import check_fixed_axes
 from cranectl.scenario.held_files import files_of, with_files
 from cranectl.scenario.planning import Obstacle, PlanningSettings
 from cranectl.scenario.rig import RigParameters
@@ -137,6 +138,11 @@ class Scenario(Settings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _axes_fit(self) -> "Scenario":
+        check_fixed_axes(self.rig, self.initial, self.effects, self.disturbances)
+        return self
+
     @property
     def drive_limits(self) -> DriveLimits:
         """The limits of the drives: `effects.limits`, or else the rig's numbers for that effect.
@@ -200,6 +206,17 @@ class Scenario(Settings):
         for step in self.disturbances:
             columns[step.acts(time_ns)] += (*step.acceleration, *(step.force or (0.0, 0.0, 0.0)))
         return columns
+
+    def air_velocity(self, samples: int) -> NDArray[np.float64]:
+        """Return the velocity of the air (x, y, z) at every control sample [m/s], shape (samples, 3).
+
+        Gusts blow only along the axes that move.
+        """
+        if self.effects.wind is None:
+            return np.zeros((samples, 3))
+        velocity = self.effects.wind.velocity(samples, self.period_ns / NANOSECONDS)
+        velocity[:, :2] *= self.rig.moves[:2]
+        return velocity
 
     @property
     def period_ns(self) -> int:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cranectl.model import AxisMasses, axis_masses, drive_forces, forced_accelerations
+from cranectl.model import AxisMasses, axis_force, drive_forces, forced_accelerations, movable_masses
 from cranectl.plants import DRIVES, Drive
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import State
@@ -22,6 +22,7 @@ class Actuation(NamedTuple):
 
     lag: Array  # (3,) that velocity set-points compensate [s]
     time_constant: Array  # (3,) of the drives [s]
+    moves: Array  # (3,) 1 for an axis that can move, 0 for a fixed one, whose commands are ignored
     period: float  # of control [s]
     masses: AxisMasses | None  # of the nominal crane, to compute forces; None unless the drives take forces
 
@@ -31,8 +32,9 @@ class Actuation(NamedTuple):
         return cls(
             lag=nominal.rig.time_constants * nominal.control.lag_compensation,
             time_constant=nominal.rig.time_constants,
+            moves=np.array(nominal.rig.moves, dtype=float),
             period=nominal.period_ns / NANOSECONDS,
-            masses=axis_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
+            masses=movable_masses(nominal.rig) if DRIVES[drive].command == "force" else None,
         )
 
 
@@ -69,9 +71,11 @@ def initial_integral(start: Array) -> Array:
 def actuate(actuation, integral, command):
     """Write the set-points [m/s] for the accelerations `command[:3]` into `command[3:]`.
 
-    `integral` (3,) is the memory of set-points without lead: the integral of the accelerations.
+    `integral` (3,) is the memory of set-points without lead: the integral of the accelerations. On a fixed
+    axis all become 0.
     """
     for i in range(3):
+        command[i] *= actuation.moves[i]
         command[3 + i] = integral[i] + actuation.lag[i] * command[i]
         integral[i] += actuation.period * command[i]
 
@@ -89,7 +93,7 @@ def take_set_points(actuation, integral, state, command):
     They are those of drives that now move as in `state` (10,) and feel no load.
     """
     for i in range(3):
-        command[3 + i] = command[i]
+        command[3 + i] = actuation.moves[i] * command[i]
         command[i] = drive_acceleration(actuation, i, command[3 + i], state[2 * i + 1])
         integral[i] = command[3 + i]
 
@@ -142,7 +146,11 @@ def drive_command(masses, slack, column, state, row, command):
     if masses is None:
         return row[column], row[column + 1], row[column + 2]
     if slack > 0.0:
-        return masses.bridge * command[0], masses.trolley * command[1], masses.winch * command[2]
+        return (
+            axis_force(masses.bridge, command[0], 0.0),
+            axis_force(masses.trolley, command[1], 0.0),
+            axis_force(masses.winch, command[2], 0.0),
+        )
     return drive_forces(masses, state, command[0], command[1], command[2])
 
 
@@ -156,4 +164,4 @@ def commands_at_start(nominal: Scenario, start: Array, drive: Drive) -> Array:
 
 def forces_at_rest(nominal: Scenario, start: Array) -> Array:
     """Return the forces (3,) [N] that hold the crane at `start` (10,) without acceleration."""
-    return np.array(drive_forces(axis_masses(nominal.rig), start, 0.0, 0.0, 0.0))
+    return np.array(drive_forces(movable_masses(nominal.rig), start, 0.0, 0.0, 0.0))

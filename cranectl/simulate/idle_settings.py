@@ -14,7 +14,7 @@ import numpy as np
 from cranectl.controllers import ALL_CONTROLLERS, prepared
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, PLANTS, Drive
-from cranectl.scenario import EFFECTS, Scenario
+from cranectl.scenario import EFFECTS, RigParameters, Scenario
 from cranectl.simulate.plan import PlannedReference
 from cranectl.simulate.prepared import nominal_crane
 from cranectl.support import InputError, Tree
@@ -31,6 +31,18 @@ FACTORS = {
     "disturbances.*.start": ("disturbances.*.magnitude", "disturbances.*.force.*"),
     "disturbances.*.end": ("disturbances.*.magnitude", "disturbances.*.force.*"),
 }
+# The settings of one axis, of bridge, trolley and winch; the trolley's mass is also that of a fixed trolley.
+OF_AXIS = (
+    "effects.limits.*.{0}",
+    "effects.friction.*.{0}",
+    "effects.installation.d*.{0}",
+    "planning.jerk.{0}",
+)
+OF_DRIVES = (
+    ("rig.bridge_mass", "rig.bridge_time_constant"),
+    ("rig.trolley_time_constant",),
+    ("rig.winch_mass", "rig.winch_time_constant"),
+)
 # The settings in [design] that a controller uses, by a part of its name.
 DESIGNED = {
     "pole-placement": "design.poles.*",
@@ -86,12 +98,16 @@ class RunKind(NamedTuple):
                 idle.setdefault(str(reasons[0]), []).append(name)
         return idle
 
-    def why_idle_on_plant(self, name: str, zero: Mapping[str, bool]) -> str | None:
-        """Return why the setting `name` has no effect on the plant, or None if it has one.
+    def why_idle_on_plant(self, name: str, rig: RigParameters, zero: Mapping[str, bool]) -> str | None:
+        """Return why the setting `name` has no effect on the plant with `rig`, or None if it has one.
 
         `zero` says for each number, by name, whether it is 0 in all runs.
         """
         entry, drive = PLANTS.entry(self.plant), self.drive
+        for axis, moves in enumerate(rig.moves):
+            patterns = (*OF_DRIVES[axis], *(pattern.format(axis) for pattern in OF_AXIS))
+            if not moves and any(fnmatchcase(name, pattern) for pattern in patterns):
+                return f"the {('bridge', 'trolley', 'rope')[axis]} does not move"
         group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
         for lack in (group, group.partition(".")[0]):
             if reason := entry.lack(lack):
@@ -152,7 +168,7 @@ def _why_idle(
         source = "the observer" if name == OBSERVER_SETTING else "these encoders"
         return f"{use.controller} does not read {source}"
     zero = {key: is_zero for key, is_zero in zero.items() if not any(fnmatchcase(key, p) for p in unread)}
-    why = use.why_idle_on_plant(name, zero)
+    why = use.why_idle_on_plant(name, scenario.rig, zero)
     if why and fnmatchcase(name, LAG) and (planned or _uses_lag(name, scenario, use, design)):
         return None
     return why

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cranectl.plants import FORCE, Plant
-from cranectl.scenario import NANOSECONDS, Scenario
+from cranectl.scenario import Scenario
 from cranectl.signals import SignalGroup, State
 from cranectl.simulate.loop import Loop
 from cranectl.simulate.plan import Plan, check_start
@@ -49,7 +49,7 @@ def begin(
             margin = DRAWN_MARGIN * (high - low)
             State(state).axes[:] = draw.uniform(low + margin, high - margin)
         if scenario.effects.wind:
-            air = scenario.effects.air_velocity(len(plan.wind), scenario.period_ns / NANOSECONDS)
+            air = scenario.air_velocity(len(plan.wind))
             plan = replace(plan, wind=np.hstack([air, plan.wind[:, FORCE:]]))
     if state is not None:
         start = checked_numbers("state", state, len(SignalGroup.STATE))

@@ -10,11 +10,12 @@ from cranectl.model import states_and_inputs
 from cranectl.plants import Plant
 from cranectl.reference import Trajectory
 from cranectl.scenario import NANOSECONDS, Scenario, ScenarioFile
-from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, State, Z
+from cranectl.signals import ACCELERATION, ALPHA, BETA, ROPE, SignalGroup, State, Z
 from cranectl.simulate.memory import RunMemory
 from cranectl.support import Array, InputError
 
 AXES = ("bridge", "trolley", "rope")
+FIXED = 1e-9  # [m] of a fixed axis along the reference, from rounding
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class PlannedReference:
         reference = Trajectory.of(scenario.reference).sample(time_ns / NANOSECONDS)
         _check_taut(scenario, time_ns, reference)  # first, since a slack rope has no direction
         states, _ = states_and_inputs(reference, scenario.rig.gravity)
+        _check_axes(scenario, time_ns, states)
         _check_workspace(scenario, time_ns, states)
         _check_speed(scenario, time_ns, states)
         return PlannedReference(time_ns, reference, states, scenario.rig.gravity)
@@ -48,7 +50,7 @@ class PlannedReference:
         Raises InputError if the run would start outside the workspace.
         """
         disturbances = scenario.disturbances_at(self.time_ns)
-        air = scenario.effects.air_velocity(len(self.time_ns), scenario.period_ns / NANOSECONDS)
+        air = scenario.air_velocity(len(self.time_ns))
         return Plan(
             self.time_ns,
             self.reference,
@@ -122,7 +124,8 @@ def _initial_state(scenario: Scenario, planned: PlannedReference) -> Array:
 
 
 def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "the run would start") -> None:
-    """Raise InputError if `state` (10,) is outside the workspace, or has an angle of pi/2 or more."""
+    """Raise InputError if `state` (10,) is outside the workspace, at pi/2, or moves a fixed axis."""
+    _check_fixed(scenario, state, what)
     low, high = scenario.rig.workspace.T
     axes = State(state).axes
     outside = (axes < low - 1e-9) | (axes > high + 1e-9)  # a start at the very end of a range is inside
@@ -135,6 +138,38 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
             allowed="positions within the rig's ranges, with angles within pi/2",
             remedy=remedy,
         )
+
+
+def _check_fixed(scenario: Scenario, state: Array, what: str) -> None:
+    """Raise InputError if a start moves a fixed axis, or swings the load of a planar crane across it."""
+    rig, names = scenario.rig, SignalGroup.STATE.names
+    still = {
+        "bridge_velocity beta beta_rate": "x" in rig.axes,
+        "trolley_velocity alpha alpha_rate": "y" in rig.axes,
+        "rope_length_rate": rig.rope == "hoisted",
+    }
+    for fixed in (name for names, moves in still.items() if not moves for name in names.split()):
+        if (value := state[names.index(fixed)]) != 0.0:
+            raise InputError(
+                f"{what} with {fixed} = {value:.4g} on a crane with rig.axes = '{rig.axes}' and rig.rope = "
+                f"'{rig.rope}'",
+                allowed=f"{fixed} = 0",
+                remedy=f"set {fixed} to 0, or let the axis move",
+            )
+
+
+def _check_axes(scenario: Scenario, time_ns: NDArray[np.int64], states: Array) -> None:
+    for axis in np.flatnonzero(~np.array(scenario.rig.moves[:2])):
+        position = State(states).axes[:, axis]
+        away = np.abs(position - position[0])
+        worst = int(np.argmax(away))
+        if away[worst] > FIXED:
+            raise InputError(
+                f"the reference moves the {AXES[axis]} by {away[worst]:.4g} m until "
+                f"{time_ns[worst] / NANOSECONDS:g} s, but rig.axes = '{scenario.rig.axes}'",
+                allowed=f"a reference that keeps {'xy'[axis]} of its start, {position[0]:.6g} m",
+                remedy=f"give all points this {'xy'[axis]}, or set rig.axes to 'xy'",
+            )
 
 
 def _check_taut(scenario: Scenario, time_ns: NDArray[np.int64], reference: Array) -> None:

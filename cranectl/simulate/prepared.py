@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cranectl.controllers import (
     ALL_CONTROLLERS,
@@ -16,10 +17,10 @@ from cranectl.controllers import (
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, Drive
 from cranectl.reference import Trajectory
-from cranectl.scenario import NANOSECONDS, Scenario
-from cranectl.signals import COLUMN, SignalGroup
+from cranectl.scenario import NANOSECONDS, RigParameters, Scenario
+from cranectl.signals import COLUMN, ROPE, SignalGroup, Z
 from cranectl.simulate.plan import Plan, PlannedReference
-from cranectl.support import Array
+from cranectl.support import Array, InputError
 
 
 @dataclass(frozen=True)
@@ -106,9 +107,12 @@ def nominal_crane(
     planned: PlannedReference,
 ) -> Nominal:
     """Return the data of crane, drives and reference with which `controller` is prepared."""
-    reference = planned.reference
+    reference, ropes = planned.reference, planned.reference_state[:, ROPE]
     if controller.follows == "set-point":
         reference = Trajectory.of(nominal.reference).set_points(planned.time_ns / NANOSECONDS)
+        ropes = -reference[:, Z]
+    if nominal.rig.rope == "fixed":
+        _check_fixed_rope(controller, ropes, planned.time_ns)
     return Nominal(
         rig=nominal.limited_rig,
         drive=drive,
@@ -118,3 +122,23 @@ def nominal_crane(
         parameters=design.parameters,
         axis_design=design.axis_design,
     )
+
+
+def _check_fixed_rope(controller: Controller, ropes: Array, time_ns: NDArray[np.int64]) -> None:
+    """Raise InputError if `controller` or its reference, with these lengths of rope [m], needs a winch."""
+    if controller.needs_winch:
+        raise InputError(
+            f"controller {controller.name} on a crane with rig.rope = 'fixed'",
+            allowed="controllers that need no winch: with a fixed rope no crane is differentially flat",
+            remedy="take lqr-integral, pid or a controller of your own, or set rig.rope to 'hoisted'",
+        )
+    changes = np.abs(ropes - ropes[0])
+    worst = int(np.argmax(changes))
+    if changes[worst] > RigParameters.ROPE_TOLERANCE * ropes[0]:
+        raise InputError(
+            f"the {controller.follows} of {controller.name} changes the rope by {changes[worst]:.3g} m until "
+            f"{time_ns[worst] / NANOSECONDS:g} s, but rig.rope = 'fixed'",
+            allowed="set-points of one height, or a path that a load on such a rope can follow: one of kind "
+            "'move', which is planned for it",
+            remedy="give points of one height, and kind = 'move' or a controller that follows set-points",
+        )

@@ -220,15 +220,11 @@ def test_the_output_has_one_line_per_scenario_without_logs_too(output: Command) 
     assert out.rstrip().endswith("validation passed (agreement not judged: analytic is the only plant)")
 
 
-def test_the_controller_of_a_scenario_must_be_named(refusal: Command) -> None:
-    """`validate` runs six other controllers by default, whose results would say nothing about this one."""
+def test_a_scenario_runs_with_its_own_controller_of_another_family(output: Command) -> None:
+    """The six usual controllers would say nothing about this one."""
     write_variant("mine", 'controller = "pid"\n')
-    command = ["validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic"]
-    error = refusal(*command)
-    assert "its controller is 'pid', which runs only if --controller names it" in error
-    assert "remedy:  add --controller pid" in error
-    assert not Path("logs").exists()
-    assert main([*command, "--controller", "pid"]) == 0
+    assert "2 runs" in output("validate", "mine.toml", "--drive", "ideal", "--plants", "analytic,elastic")
+    assert {log.name for log in Path("logs/mine").iterdir()} == {"pid-ideal.mcap"}
 
 
 def test_disagreeing_plants_have_one_line_each(monkeypatch: pytest.MonkeyPatch) -> None:

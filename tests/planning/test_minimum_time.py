@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from cranectl.planning import plan_motions
-from cranectl.planning.limits import ROPE_TOLERANCE, excesses, motion
+from cranectl.planning.limits import excesses, motion
 from cranectl.planning.minimum_time import FastestMotion, _minimum_time, along_path, minimum_time
 from cranectl.planning.problem import Task, series_along
 from cranectl.planning.shortest import find_shortest_duration
 from cranectl.reference.geometry import Circular, Geometry, Straight
 from cranectl.reference.time_laws import spline
+from cranectl.scenario.rig import RigParameters
 from cranectl.scenario.segments import Move, Spline
 from tests.planning.bang_bang import CASES, bound
 from tests.planning.bang_bang import Limits as Bounds
@@ -141,7 +142,7 @@ def test_plans_keep_the_options_of_a_move(options: dict[str, object]) -> None:
         assert (coefficients[:, 1] == 0.77).all()
     if "constant_rope" in options:
         length = motion(series_along(np.array(ready[0].breaks), coefficients, 7, time), 9.81).axes[2][0]
-        assert np.abs(length / 0.7 - 1.0).max() <= ROPE_TOLERANCE * (1 + 1e-6)
+        assert np.abs(length / 0.7 - 1.0).max() <= RigParameters.ROPE_TOLERANCE * (1 + 1e-6)
     for point in options.get("via", ()):  # type: ignore[attr-defined]
         nearest = time[np.argmin(np.linalg.norm(load - point, axis=1))]
         fine = nearest + np.linspace(-1.0, 1.0, 20_001) * (time[1] - time[0])

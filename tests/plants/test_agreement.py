@@ -17,7 +17,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.mujoco.model import JOINTS, model_spec, state_addresses
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.status import RunStatus
-from tests.conftest import ALL_CONTROLLERS, ALL_SCENARIOS, PAIR, PLANTS, closed_loop, random_states, split
+from tests.conftest import ALL_SCENARIOS, PAIR, PLANTS, closed_loop, controllers_of, random_states, split
 from tests.plants.cranes import RIG, make, simulate
 
 STEP = 1e-3
@@ -93,7 +93,7 @@ LONG = ("fixed-position", "near-the-limits", "settled-trajectory")
 def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)
-    for controller in (*ALL_CONTROLLERS, "pid"):
+    for controller in (*controllers_of(name), "pid"):
         case = Case.of(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
         result = case.run()
         assert [run.plant for run in result.runs] == list(PLANTS)

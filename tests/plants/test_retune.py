@@ -37,6 +37,7 @@ OTHER = {
     "installation": {"tilt": (0.01, -0.02)},
 }
 NO_PART_OF_A_PLANT = {"rated_load", "effects", "look", "model", "plant"}
+OF_THE_STRUCTURE = {"axes": "x", "rope": "fixed"}
 NO_PART_OF_THE_MODEL = {"velocity", "acceleration", "on_slack", "drive_gain", "dead_zone", "rope_offset"}
 OTHER_RIG = RigParameters(
     gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.5), rope_range=(0.1, 1.3), bridge_mass=5.0,
@@ -47,7 +48,7 @@ OTHER_RIG = RigParameters(
 
 def changes() -> Iterator[tuple[RigParameters, EffectSettings]]:
     """Yield rig and effects with each parameter changed alone, then with all changed."""
-    for name in set(RigParameters.model_fields) - NO_PART_OF_A_PLANT:
+    for name in set(RigParameters.model_fields) - NO_PART_OF_A_PLANT - set(OF_THE_STRUCTURE):
         value = getattr(OTHER_RIG, name)
         assert value != getattr(RigParameters(), name)
         yield RigParameters().model_copy(update={name: value}), ALL_EFFECTS
@@ -69,6 +70,13 @@ def test_a_model_changed_in_place_is_the_one_compiled_anew(drive: Drive) -> None
         physical = effects.model_copy(update=dict.fromkeys(("sensing", "delay", "wind")))
         new = compiled_model(rig, drive, 5e-4, physical)
         assert raw(plant.model) == raw(new)
+
+
+@pytest.mark.parametrize(("name", "value"), OF_THE_STRUCTURE.items())
+def test_a_fixed_axis_needs_another_model(name: str, value: str) -> None:
+    plant = make("mujoco", drive="velocity")
+    assert not plant.retune(RigParameters().model_copy(update={name: value}), NO_EFFECTS)
+    assert plant.retune(RigParameters(), NO_EFFECTS)
 
 
 @pytest.mark.parametrize("drive", DRIVES)

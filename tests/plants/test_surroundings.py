@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from cranectl.scenario.effects import EffectSettings, Wind
+from cranectl.scenario.effects import Wind
 from tests.conftest import PLANTS, closed_loop
 
 
@@ -22,7 +22,7 @@ def test_a_vertical_force_alone_acts(plant: str) -> None:
 def test_gusts_have_the_deviation_and_the_correlation_that_they_are_given() -> None:
     wind = Wind(mean=(1.0, 0.0, -0.5), gust=0.7, gust_time=0.5, seed=3)
     period = 0.01
-    velocity = EffectSettings(wind=wind).air_velocity(400_000, period)
+    velocity = wind.velocity(400_000, period)
     assert_allclose(velocity.mean(axis=0), [1.0, 0.0, -0.5], atol=0.05)
     assert_allclose(velocity.std(axis=0), [0.7, 0.7, 0.0], rtol=0.03)
     gusts = velocity[:, 0] - velocity[:, 0].mean()
@@ -32,6 +32,5 @@ def test_gusts_have_the_deviation_and_the_correlation_that_they_are_given() -> N
 
 
 def test_the_same_seed_is_the_same_wind_however_long() -> None:
-    short, long = (EffectSettings(wind=Wind()).air_velocity(samples, 1e-3) for samples in (100, 1000))
+    short, long = (Wind().velocity(samples, 1e-3) for samples in (100, 1000))
     assert_allclose(long[:100], short, rtol=0, atol=0)
-    assert not EffectSettings().air_velocity(10, 1e-3).any()

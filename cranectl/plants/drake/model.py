@@ -70,9 +70,11 @@ def build_crane(rig: RigParameters, drive: Drive, effects: EffectSettings) -> Mu
 
 def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, float]:
     """Return the rotor inertia of each drive [kg], which it moves in addition to the crane."""
+    inertia = ideal_inertia(rig)
     if DRIVES[drive].is_prescribed:
-        return (ideal_inertia(rig),) * 3
-    return 0.0, 0.0, rig.winch_mass
+        return inertia, inertia, inertia
+    bridge, trolley, winch = rig.moves
+    return 0.0 if bridge else inertia, 0.0 if trolley else inertia, rig.winch_mass if winch else inertia
 
 
 def ideal_inertia(rig: RigParameters) -> float:

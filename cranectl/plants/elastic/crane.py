@@ -45,6 +45,7 @@ class ElasticCrane(NamedTuple):
     """
 
     prescribed: bool  # whether the drives are ideal, which accelerate as commanded
+    fixed: tuple[bool, bool, bool]  # whether bridge, trolley, winch are fixed
     gain: Triple
     damping: Triple  # of drives [N s/m]
     holding_force: Triple  # [N]
@@ -82,12 +83,15 @@ def make_crane(
     """Return the constants of `rig` with `effects`."""
     rope, body, frame, friction = effects.rope, effects.body, effects.frame, effects.friction
     gravity, none = gravity_in_rig(rig.gravity, effects), (0.0, 0.0, 0.0)
+    fixed = (not rig.moves[0], not rig.moves[1], not rig.moves[2])
     ideal, (gain, damping, load_force) = DRIVES[drive].is_prescribed, DRIVES[drive].push(rig, effects)
     coulomb, viscous = (friction.coulomb, friction.viscous) if friction and not ideal else (none, none)
+    along_x, along_y, along_rope = (0.0 if still else c for still, c in zip(fixed, coulomb, strict=True))
     pivot = (friction.pivot_coulomb, friction.pivot_viscous) if friction else (0.0, 0.0)
     parts = ((0, STRETCH, True), (STRETCH, BODY, rope), (BODY, RAILS, body), (RAILS, STATES, frame))
     return ElasticCrane(
         prescribed=ideal,
+        fixed=fixed,
         gain=gain,
         damping=damping,
         holding_force=load_force,
@@ -95,8 +99,8 @@ def make_crane(
         axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
         gravity=gravity,
         load_mass=rig.load_mass,
-        has_friction=any((*coulomb, pivot[0])),
-        coulomb=(*coulomb, pivot[0], pivot[0]),
+        has_friction=any((along_x, along_y, along_rope, pivot[0])),
+        coulomb=(along_x, along_y, along_rope, pivot[0], pivot[0]),
         viscous=(*viscous, pivot[1], pivot[1]),
         has_body=body is not None,
         offset=body.hook_offset if body else 0.0,

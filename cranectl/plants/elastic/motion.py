@@ -156,8 +156,8 @@ def n_squared(by_alpha):
 
 @jit
 def is_locked(crane, work, joint):
-    """Return True if friction or an ideal drive prescribes the acceleration of `joint`."""
-    return work.stuck[joint] or (crane.prescribed and joint < 3)
+    """Return True if friction, an ideal drive or a fixed axis prescribes the acceleration of `joint`."""
+    return work.stuck[joint] or (joint < 3 and (crane.prescribed or crane.fixed[joint]))
 
 
 @jit

@@ -228,7 +228,7 @@ def add_friction(spec: mujoco.MjSpec, _friction: Friction, of: Setting) -> None:
 def friction_entries(friction: Friction, of: Setting) -> list[Entry]:
     """Return Coulomb's and viscous friction of each joint."""
     pivot = (friction.pivot_coulomb, friction.pivot_viscous)
-    axes = zip(DRIVEN_JOINTS, friction.coulomb, friction.viscous, strict=True)
+    axes = zip(DRIVEN_JOINTS, friction.coulomb * np.array(of.rig.moves), friction.viscous, strict=True)
     joints = [(name, *pivot) for name in CARDAN_JOINTS] + (list(axes) if of.is_moved_by_force else [])
     return [
         entry

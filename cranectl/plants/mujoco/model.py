@@ -36,6 +36,8 @@ DRAWN_LENGTH = 0.7  # [m] of rope in the file; with none, the cardan angles woul
 # An ideal drive is a motor on a joint so inert that nothing can move it: acceleration = command to 1e-12.
 IDEAL_INERTIA = 1e12  # [kg] of rotor for each kg of the crane
 
+STOPPING_RATE = 10.0  # [1/s] of the servos on fixed axes; slow for every step
+
 # Features of the engine that take time and that a crane without effects does not need.
 SWITCHABLE = frozenset(
     {mujoco.mjtDisableBit.mjDSBL_ISLAND}.union(*(model.needs for model in EFFECT_MODELS.values()))
@@ -77,8 +79,9 @@ def model_spec(
     for model, effect in _shown_effects(effects, setting):
         model.add(spec, effect, setting)
     if not DRIVES[drive].is_servo:
-        for name in ACTUATORS:
-            spec.actuator(name).set_to_motor()
+        for name, moves in zip(ACTUATORS, rig.moves, strict=True):
+            if moves:
+                spec.actuator(name).set_to_motor()
     write_spec(spec, model_entries(rig, drive, effects))
     return spec
 
@@ -117,6 +120,7 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
         entries += _velocity_drive_entries(rig, drive, effects)
     else:  # motors, whose command is a force
         entries += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
+    entries += _fixed_axis_entries(rig)
     shown = _shown_effects(effects, setting)
     return [*entries, *(entry for model, effect in shown for entry in model.entries(effect, setting))]
 
@@ -136,6 +140,19 @@ def _ideal_drive_entries(rig: RigParameters) -> list[Entry]:
         drives.append(Entry("actuator", name, "gear", gear))
         drives.append(Entry("joint", joint, "armature", inertia))
     return drives
+
+
+def _fixed_axis_entries(rig: RigParameters) -> list[Entry]:
+    """Return the entries of fixed axes: a rotor as that of an ideal drive, and a servo that stops it."""
+    inertia, fixed = ideal_inertia(rig), []
+    for name, joint, moves in zip(ACTUATORS, DRIVEN_JOINTS, rig.moves, strict=True):
+        if not moves:
+            # Without the servo the weight of the load would pay out 0.1 µm of rope in ten minutes.
+            fixed.append(Entry("actuator", name, "gear", (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+            fixed.append(Entry("actuator", name, "gainprm", (0.0,)))
+            fixed.append(Entry("actuator", name, "biasprm", (0.0, 0.0, -STOPPING_RATE * inertia)))
+            fixed.append(Entry("joint", joint, "armature", inertia))
+    return fixed
 
 
 def _velocity_drive_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:

@@ -197,7 +197,7 @@ class MujocoPlant:
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
         physical = _physical(effects)
-        if structure_of(physical) != structure_of(self.effects):
+        if structure_of(physical) != structure_of(self.effects) or rig.moves != self.parameters.moves:
             return False
         self.parameters, self.effects = rig, physical
         write_model(self.model, model_entries(rig, self.drive, physical))

@@ -36,8 +36,8 @@ _POINTER: Any = CPointer
 RUNNING, CONTROLLER_FAILED = int(RunStatus.RUNNING), int(RunStatus.CONTROLLER_FAILED)
 STATE_SIZE = 2 * JOINTS
 NUMBERS = Slots(
-    observer=len(Observer._fields), lag=3, time_constant=3, period=1, velocity_limit=3, change_limit=3,
-    masses=len(AxisMasses._fields), controller=0,
+    observer=len(Observer._fields), lag=3, time_constant=3, moves=3, period=1,
+    velocity_limit=3, change_limit=3, masses=len(AxisMasses._fields), controller=0,
 )  # fmt: skip
 KEPT = Slots(
     estimate=EXPECTED.size, measured=12, given=3, inputs=6, integral=3, previous=3, commanded=6, clock=1,
@@ -71,6 +71,7 @@ def control_sample_of(
         observer=path.observer,
         lag=actuation.lag,
         time_constant=actuation.time_constant,
+        moves=actuation.moves,
         period=actuation.period,
         velocity_limit=path.limits.velocity,
         change_limit=path.limits.change,
@@ -128,7 +129,8 @@ def _sample_function(
         )
         actuation = Actuation(
             numbers[NUMBERS.lag : NUMBERS.time_constant],
-            numbers[NUMBERS.time_constant : NUMBERS.period],
+            numbers[NUMBERS.time_constant : NUMBERS.moves],
+            numbers[NUMBERS.moves : NUMBERS.period],
             numbers[NUMBERS.period],
             masses,
         )

@@ -80,13 +80,14 @@ class Controls:
         self._commands: SimpleQueue[Command] = SimpleQueue()
         length = scenario.rig.length_scale
         self._pulse_seconds = Scaled(0.5).sized(PULSE[1], length)
+        pulse = Scaled(-1.0).sized(PULSE[0], length)
         self._values: dict[str, Value] = {
             "pause": False,
             "speed": checked_number("speed", speed, *SPEEDS),
             "controller": design.name,
             **tunable_values(design),
-            "pulse_alpha": Scaled(-1.0).sized(PULSE[0], length),
-            "pulse_beta": 0.0,
+            "pulse_alpha": pulse if "y" in scenario.rig.axes else 0.0,
+            "pulse_beta": 0.0 if "y" in scenario.rig.axes else pulse,
         }
 
     @functools.cached_property
@@ -189,7 +190,9 @@ class Controls:
             new = checked_number(name, value, *SPEEDS)
             text = f"speed {new:g}"
         else:
-            new = checked_number(name, value, -MAX_PULSE, MAX_PULSE)
+            axis = "y" if name == "pulse_alpha" else "x"
+            most = MAX_PULSE if axis in self._scenario.rig.axes else 0.0
+            new = checked_number(name, value, -most, most)
             text = f"{name} = {new:g} rad/s² with the next pulse"
         if new != self._values[name]:
             self._values[name] = new

@@ -43,7 +43,10 @@ class HandReference:
         self._earlier_reference = _reference_until(scenario.reference, sample * self._period)
         trajectory = Trajectory.of(self._earlier_reference)
         self._start = trajectory.sample(trajectory.joints[-1:])[0, :3]
-        low, high = self.limits.low, self.limits.high
+        # A planar crane stays where it is along its fixed axis.
+        still = np.array(["x" not in scenario.rig.axes, "y" not in scenario.rig.axes, False])
+        low, high = (np.where(still, self._start, end) for end in (self.limits.low, self.limits.high))
+        self.limits = self.limits._replace(low=low, high=high)
         if ((self._start < low) | (self._start > high)).any():
             raise InputError(
                 f"the load rests at {_point(self._start)} m, outside the range for driving by hand",

@@ -34,6 +34,12 @@ Bounds = list[float]  # on a quantity and its derivatives, lowest order first
 
 def hand_limits(scenario: Scenario) -> HandLimits:
     """Find the fastest filter that keeps the limits of planned motions, except forces and obstacles."""
+    if scenario.rig.rope == "fixed":
+        raise InputError(
+            "driving by hand on a crane with rig.rope = 'fixed'",
+            allowed="cranes with a winch: with a fixed rope the load cannot follow every path",
+            remedy="set rig.rope to 'hoisted', or step the crane from a program",
+        )
     limits, gap = limits_of(scenario), scenario.planning.clearance * np.array([1.0, -1.0])
     x, y, rope = limits.axes + gap
     low = np.maximum(limits.load[:, 0], (x[0], y[0], -rope[1]))

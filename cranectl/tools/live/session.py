@@ -42,7 +42,7 @@ class Session(TakesTurns):
         period = scenario.period_ns / NANOSECONDS
         samples = round(Scenario.MAX_SECONDS / period) + 1  # enough noise and gusts for the longest run
         still = scenario.effects.wind is None
-        self._air_velocity = scenario.effects.air_velocity(1 if still else samples, period)
+        self._air_velocity = scenario.air_velocity(1 if still else samples)
         sensing = scenario.effects.sensing
         self._encoders = Encoders.of(sensing, samples) if sensing else None
         self._plants = [PLANTS.make(name, scenario, drive) for name in PLANTS.to_run(plants)]

@@ -195,8 +195,14 @@ def make_nominal_loops(
     """Return the nominal loop of `design` for each rope length of `points`; the flat family has only one.
 
     Any other controller declares its linearisation for a load that hangs at rest. Raises InputError for a
-    controller without one, for other operating points, and as `make_nominal_loop` does.
+    controller without one, for other operating points, for fixed axes, and as `make_nominal_loop` does.
     """
+    if not all(scenario.rig.moves):
+        raise InputError(
+            f"a crane with rig.axes = '{scenario.rig.axes}' and rig.rope = '{scenario.rig.rope}'",
+            allowed="cranes with three drives: the certificate's model has all of them",
+            remedy="judge it by simulation: cranectl ladder, cranectl campaign",
+        )
     lengths = list(dict.fromkeys(point.rope_length for point in points))
     if design.axis_design is not None:
         return dict.fromkeys(lengths, make_nominal_loop(scenario, design, opened_at))
