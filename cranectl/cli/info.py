@@ -1,7 +1,7 @@
 """`cranectl info`."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,11 @@ from cranectl.support import InputError, Quantity
 
 if TYPE_CHECKING:
     from cranectl.log import Log, LogDescription
-    from cranectl.scenario import ModelNames
+    from cranectl.scenario import ModelNames, RigParameters
     from cranectl.simulate import Run
+
+
+UNREAD = ("[!r]*", "rig.[!par]*", "rig.r[!o]*", "rig.rope_*")  # of a model all but its axes, rope and names
 
 
 @click.command("info", cls=Command)
@@ -56,8 +59,8 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
     if kind == "model":
         request = request._replace(source=None)
         scenario = request.read()
-        IdleSettings.print(screen, IdleSettings.lines(scenario, request, (), unread=("[!r]*", "rig.[!p]*")))
-        return _print_model(file, scenario.rig.plant.names, as_is=as_is, screen=screen)
+        IdleSettings.print(screen, IdleSettings.lines(scenario, request, (), unread=UNREAD))
+        return _print_model(file, scenario.rig, as_is=as_is, screen=screen)
     if kind == "rig":
         print_rig(request, screen)
     elif kind == "scenario":
@@ -73,10 +76,11 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
     return ExitCode.GOOD
 
 
-def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen) -> int:
+def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Screen) -> int:
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
     from cranectl.plants import find_differences, open_model
 
+    names = rig.model_names
     own = open_model(file, names)
     numbers = {name: float(f"{number:g}") for name, number in own.built_in.items()}  # to be copied
     differences = find_differences(own)
@@ -92,19 +96,38 @@ def _print_model(file: Path, names: "ModelNames", *, as_is: bool, screen: Screen
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
     screen.print_each(f"{name:26} {text}" for name, text in facts)
-    ranges = {name: [float(f"{end:g}") for end in ends] for name, ends in own.ranges.items()}
-    screen.print_each(_rig_lines(file, names, {**numbers, **ranges}), indent="  ")
+    fixed = rig.model_dump(include={"axes", "rope"})  # empty if all axes move
+    ranges, assumed = (
+        {name: [float(f"{end:g}") for end in ends] for name, ends in found.items()}
+        for found in (own.ranges, own.assumed_ranges)
+    )
+    settings = {**fixed, **numbers, **ranges, **assumed}
+    screen.print_each(_rig_lines(file, names, settings, assumed), indent="  ")
     listed = [difference._asdict() for difference in differences]
-    screen.write_json({"drives": own.servo, "rig": numbers, "ranges": ranges, "differences": listed})
+    screen.write_json(
+        {
+            "drives": own.servo,
+            "rig": {**fixed, **numbers},
+            "ranges": ranges,
+            "assumed_ranges": assumed,
+            "differences": listed,
+        }
+    )
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
 
 
-def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float | list[float]]) -> Iterator[str]:
-    """Yield what a rig file says of a model: its path, its numbers, and names other than the default."""
+def _rig_lines(
+    file: Path,
+    names: "ModelNames",
+    settings: Mapping[str, float | list[float] | str],
+    assumed: Collection[str],
+) -> Iterator[str]:
+    """Yield what a rig file says of a model: its path, its settings, and names other than the default."""
     yield f"model = {json.dumps(file.as_posix(), ensure_ascii=False)}"
-    for name, number in numbers.items():
-        yield f"{name} = {number if isinstance(number, list) else f'{number:g}'}"
-    others = {key: name for key, name in names if name != type(names).model_fields[key].default}
+    for name, value in settings.items():
+        line = f"{name} = {f'{value:g}' if isinstance(value, float) else json.dumps(value)}"
+        yield f"{line}  # assumed, since the model limits it nowhere" if name in assumed else line
+    others = {key: name for key, name in names if name and name != type(names).model_fields[key].default}
     yield from ("", "[plant.names]") if others else ()
     yield from (f"{key} = {json.dumps(name, ensure_ascii=False)}" for key, name in others.items())
 

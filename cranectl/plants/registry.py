@@ -91,7 +91,7 @@ class Plants(MutableMapping[str, "PlantEntry"]):
         if rig is None or not entry.is_model_file:
             return entry
         complete: PlantEntry = resolve_name("cranectl.plants.mujoco.own_plant:examined")(
-            entry, rig.plant.names
+            entry, rig.model_names
         )
         if complete != entry:
             self[entry.name] = complete

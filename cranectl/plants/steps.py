@@ -24,10 +24,11 @@ def longest_agreeing_step(rig: RigParameters, drive: Drive) -> float:
 
     It is a twentieth of the fastest time of the crane, less on ropes longer than SWEPT_ROPE. These times are
     the lags of velocity drives, and 1 / ω of a load that swings on the shortest rope. Where drives feel the
-    load, it swings against the trolley's mass: ω² = (g / l) (1 + load / trolley).
+    load, it swings against the mass M of the trolley, or of bridge and trolley if only the bridge moves:
+    ω² = (g / l) (1 + load / M).
     """
-    kind = DRIVES[drive]
-    heaviness = 0.0 if kind.is_prescribed else rig.load_mass / rig.trolley_mass
+    kind, lightest = DRIVES[drive], rig.driven_masses[1 if "y" in rig.axes else 0]
+    heaviness = 0.0 if kind.is_prescribed else rig.load_mass / lightest
     fastest = sqrt(rig.rope_range[0] / (rig.gravity * (1.0 + heaviness)))
     if kind.is_servo:
         fastest = min(fastest, float(rig.time_constants.min()))

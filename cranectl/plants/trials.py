@@ -15,7 +15,7 @@ from cranectl.plants.capabilities import PARTS, WHOLE_EFFECTS
 from cranectl.plants.entry import PlantEntry
 from cranectl.plants.plant import DRIVES, Drive
 from cranectl.plants.registry import PLANTS
-from cranectl.scenario import EFFECTS, EffectNumbers, EffectSettings, RigParameters
+from cranectl.scenario import EFFECTS, EffectNumbers, EffectSettings, ModelNames, RigParameters
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError
 
@@ -89,22 +89,29 @@ def _ignored(entry: PlantEntry, drive: Drive) -> tuple[str, ...]:
 
 def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
     """Yield the probes of disturbances, wind, numbers of the rig, and effects with their parts."""
-    for disturbance, angle in (((1.0, 0.0), ALPHA), ((0.0, 1.0), BETA)):
+    moves = _rig_of(entry).moves
+    for disturbance, angle, moved in (((1.0, 0.0), ALPHA, moves[1]), ((0.0, 1.0), BETA, moves[0])):
+        if not moved:  # a planar crane does not swing aside
+            continue
         pushed = ProbeRun(disturbance=disturbance)
         yield "disturbances", REST, pushed, _grows(angle + 1, 1.0 * SECONDS)
     blow = 0.5 * BREEZE.density * BREEZE.drag_area * AIR**2  # [N]
     for setting, wind, acting, force in (
-        ("disturbances.force", STILL, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0), 1.0),
-        ("wind", BREEZE, (AIR, 0.0, 0.0, 0.0, 0.0, 0.0), blow),
+        ("disturbances.force", STILL, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), 1.0),
+        ("wind", BREEZE, np.array([AIR, 0.0, 0.0, 0.0, 0.0, 0.0]), blow),
     ):
+        along = 0 if moves[0] else 1  # x or y
         still = ProbeRun(effects=EffectSettings(wind=wind))
         expected = force / entry.fixed.get("load_mass", RIG.load_mass) * SECONDS
-        yield setting, still, replace(still, wind=acting), _grows(VELOCITY_COLUMN, expected)
+        pushed = replace(still, wind=tuple(np.roll(acting, along)))
+        yield setting, still, pushed, _grows(VELOCITY_COLUMN + along, expected)
     for name, factor in (("load_mass", 2.0), ("gravity", 1.5)):
         yield f"rig.{name}", REST, ProbeRun(scaled={name: factor}), _grows(TENSION_COLUMN, RIG.weight)
     kind = DRIVES[drive]
     part = "time_constant" if kind.is_servo else "mass"
-    for axis in () if kind.is_prescribed else ("bridge", "trolley", "winch"):
+    for axis, moved in zip(("bridge", "trolley", "winch"), moves, strict=True):
+        if kind.is_prescribed or not moved:
+            continue
         name = f"{axis}_{part}"
         yield f"rig.{name}", MOVING, replace(MOVING, scaled={name: 2.0}), _differs
     for name in WHOLE_EFFECTS:
@@ -117,6 +124,12 @@ def _probes(entry: PlantEntry, drive: Drive) -> Iterator[Probe]:
             continue
         none = {key: other.none for key, other in EFFECTS[name].parts.items()}
         yield setting, _with_effect(name, none), _with_effect(name, {**none, key: tried.tried}), _differs
+
+
+def _rig_of(entry: PlantEntry) -> RigParameters:
+    """Return the rig with what is built into a plant: numbers, and which axes the model of a file has."""
+    names = entry.arguments.get("names")
+    return RIG.model_copy(update={**entry.fixed, **(names.axes if isinstance(names, ModelNames) else {})})
 
 
 def _with_effect(name: str, numbers: Mapping[str, float]) -> ProbeRun:
@@ -138,7 +151,7 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array | None:
 
     Raises InputError as the plant does.
     """
-    base = RIG.model_copy(update=dict(entry.fixed))
+    base = _rig_of(entry)
     rig = base.model_copy(
         update={name: factor * getattr(base, name) for name, factor in trial.scaled.items()}
     )
@@ -146,7 +159,7 @@ def _outcome(entry: PlantEntry, drive: Drive, trial: ProbeRun) -> Array | None:
     middle = np.zeros(10)
     middle[0:6:2] = RIG.workspace.mean(axis=1)
     state = getattr(plant, "rest", middle).copy()
-    state[ALPHA], state[BETA] = (0.1, 0.05) if trial.moving else (0.0, 0.0)
+    state[ALPHA], state[BETA] = (0.1 * base.moves[1], 0.05 * base.moves[0]) if trial.moving else (0.0, 0.0)
     plant.reset(state)
     plant.check_length(state[ROPE])
     command = np.full(3, 0.2 if trial.moving else 0.0)

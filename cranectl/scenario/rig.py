@@ -39,15 +39,25 @@ class ModelNames(Settings):
 
     pivot: str = Field("pivot", description="site, body or geom where the rope leaves the trolley")
     load: str = Field("load", description="site, body or geom whose motion is that of the load")
-    bridge_drive: str = Field("bridge_drive", description="actuator that moves the pivot along x")
-    trolley_drive: str = Field("trolley_drive", description="actuator that moves the pivot along y")
-    winch_drive: str = Field("winch_drive", description="actuator that pays out rope")
+    bridge_drive: str = Field(
+        "bridge_drive", description="actuator that moves the pivot along x, if any does"
+    )
+    trolley_drive: str = Field(
+        "trolley_drive", description="actuator that moves the pivot along y, if any does"
+    )
+    winch_drive: str = Field("winch_drive", description="actuator that pays out rope, if any does")
     keyframe: str = Field("", description="keyframe to begin at; empty for the pose of the file")
 
     @property
     def drives(self) -> tuple[str, str, str]:
-        """Names of the actuators of bridge, trolley and winch."""
+        """Names of the actuators of bridge, trolley and winch; "" for a fixed axis."""
         return self.bridge_drive, self.trolley_drive, self.winch_drive
+
+    @property
+    def axes(self) -> dict[str, str]:
+        """The settings `axes` and `rope` of a rig whose fixed axes have no drive here."""
+        axes = f"{'x' if self.bridge_drive else ''}{'y' if self.trolley_drive else ''}"
+        return {"axes": axes, "rope": "hoisted" if self.winch_drive else "fixed"}
 
 
 class PlantSettings(Settings):
@@ -148,6 +158,13 @@ class RigParameters(Settings):
     def moves(self) -> tuple[bool, bool, bool]:
         """Whether bridge, trolley and winch can move."""
         return "x" in self.axes, "y" in self.axes, self.rope == "hoisted"
+
+    @property
+    def model_names(self) -> ModelNames:
+        """The names in a model file, empty for the drives of fixed axes."""
+        keys = ("bridge_drive", "trolley_drive", "winch_drive")
+        fixed = [key for key, moves in zip(keys, self.moves, strict=True) if not moves]
+        return self.plant.names.model_copy(update=dict.fromkeys(fixed, ""))
 
     @property
     def fixed_note(self) -> str:

@@ -274,5 +274,71 @@ def test_other_names_are_refused_with_what_there_is(
     ):
         assert main(["info", *line.split()]) == 2
         assert capsys.readouterr().err.splitlines()[-1].endswith(remedy)
-    assert main(["info", "two.xml"]) == 2
-    assert "two.xml has 2 actuators" in capsys.readouterr().err
+
+
+CART = """
+<mujoco>
+  <worldbody>
+    <body name="cart" pos="0.2 0 1">
+      <joint name="slider" type="slide" axis="{axis}" range="-1 1"/>
+      <inertial pos="0 0 0" mass="0.6" diaginertia="1e-3 1e-3 1e-3"/>
+      <body name="pole">
+        <joint name="hinge" type="hinge" axis="{hinge}"/>
+        {winch}
+        <inertial pos="0 0 -0.4" mass="0.2" diaginertia="{inertia} {inertia} 1e-12"/>
+        <geom name="bob" pos="0 0 -0.4" size="0.02" mass="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>{drives}</actuator>
+</mujoco>
+"""
+LIFT = '<joint name="lift" type="slide" axis="0 0 -1" armature="0.05"/>'
+SERVO = '<velocity name="push" joint="slider" kv="{}"/>'
+HOIST = '<general name="hoist" joint="lift" gainprm="10" biastype="affine" biasprm="-1.962 0 -10"/>'
+MOTOR = '<motor name="push" joint="slider"/>'
+START = ([0.2, 0.0, -0.4], [0.2, 0.0, -0.4])
+PLANAR = {
+    "a cart with a motor": ({}, "force", 1e-12),
+    "a cart along y": ({"axis": "0 1 0", "hinge": "1 0 0"}, "force", 1e-12),
+    "a cart with a servo": ({"drives": SERVO.format(30)}, "velocity", 1e-12),
+    "a cart with a hoist": ({"winch": LIFT, "drives": SERVO.format(30) + HOIST}, "velocity", 1e-12),
+    "a long load": ({"inertia": "0.004"}, "force", 0.004),
+}
+
+
+@pytest.mark.parametrize("case", PLANAR)
+def test_a_cart_with_a_pendulum_runs_after_its_names_are_pasted(
+    case: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With one line of `info`, and with the rig that it prints. Bare MuJoCo moves in the same way."""
+    changes, drive, inertia = PLANAR[case]
+    parts = {"axis": "1 0 0", "hinge": "0 1 0", "winch": "", "inertia": "1e-12", "drives": MOTOR} | changes
+    Path("cart.xml").write_text(CART.format(**parts))
+    assert main(["info", "cart.xml"]) == 2
+    given = shlex.split(capsys.readouterr().err.splitlines()[-1].partition("add ")[2])
+    assert main(["info", "cart.xml", "--as-is", *given]) == 0
+    _, _, lines = capsys.readouterr().out.partition("  model = ")
+    Path("rig.toml").write_text(f"model = {lines}".replace("\n  ", "\n"))
+    along = int(parts["axis"] == "0 1 0")
+    overrides = ["duration=2", "disturbances=[]", f"reference.start={START[along]}"]
+    scenario = load_scenario("fixed-position", rig="rig.toml", overrides=overrides)
+    # A pendulum with an inertia J swings as a point of the mass m + J / l² on the same rope.
+    assert scenario.rig.load_mass == pytest.approx(0.2 + inertia / 0.4**2, rel=1e-5)
+    run = open_run(scenario, plant="cart.xml", drive=drive)
+    model = mujoco.MjModel.from_xml_path("cart.xml")
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
+    data, ours = mujoco.MjData(model), open_run(scenario, plant="mujoco", drive=drive)
+    for k in range(1500):
+        command = np.zeros(3)
+        command[along] = 0.8 * np.sin(0.004 * k)
+        run.step(command)
+        ours.step(command)
+        data.ctrl[0] = command[along]
+        mujoco.mj_step(model, data)
+        angle = -data.qpos[1] if along == 0 else data.qpos[1]
+        shown = run.state[2 * along], run.state[8 - 2 * along]
+        assert shown == pytest.approx((0.2 * (1 - along) + data.qpos[0], angle), abs=1e-9)
+    assert abs(angle) > 0.01
+    beside = np.abs(run.state - ours.state).max()
+    assert beside < 1e-7 if case != "a long load" else beside > 1e-4

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_model import OwnModel
+from cranectl.plants.mujoco.own_model import WINCH, OwnModel
 from cranectl.plants.mujoco.sites import AXES, rope_acceleration
 from cranectl.signals import ROPE
 from cranectl.support import Array
@@ -46,18 +46,19 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     causes = f"{known}, or {other}" if (known := ", ".join(_causes(own.model))) else other
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
     rests[2] = f"it accelerates while its drives rest: does the winch hold the weight? {_holding(own)}"
-    meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in AXES[:3]]
+    driven = [AXES[axis] for axis in own.axes]
+    meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in driven]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
     sized = [
         *((f"{axis} at rest", size, rest) for axis, size, rest in zip(AXES, unrest, rests, strict=True)),
-        *zip((*AXES[:3], "swing"), excess, meanings, strict=True),
+        *zip((*driven, "swing"), excess, meanings, strict=True),
     ]
     differences = [
         ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED
     ]
     if own.servo not in ("velocity", "force"):
         differences.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))
-    for name, seconds in zip(own.names.drives, own.filters, strict=True):
+    for name, seconds in zip(own.drive_names, own.filters, strict=True):
         if seconds:
             differences.append(
                 ModelDifference(
@@ -75,10 +76,10 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
 
 def _holding(own: OwnModel) -> str:
     """Return in words the bias with which a velocity drive of the winch holds the weight."""
-    if own.servo != "velocity":
+    if own.servo != "velocity" or not own.has_winch:
         return ""
-    bias = own.model.actuator_biasprm[own.drives[2]].copy()
-    bias[0] = -own.load_mass * own.gravity / own.ratios[2]
+    bias = own.model.actuator_biasprm[own.drives[-1]].copy()
+    bias[0] = -own.load_mass * own.gravity / own.ratios[-1]
     numbers = " ".join(f"{number:g}" for number in bias[:3] + 0.0)
     return f'With biastype="affine" biasprm="{numbers}" it does.'
 
@@ -88,7 +89,8 @@ def _random_states(own: OwnModel) -> Iterator[Array]:
     rng, length = np.random.default_rng(0), own.rest[ROPE]
     speed = SPEEDS * np.sqrt(own.gravity * length)
     along, swing = (POSITIONS * length, speed), (ANGLES, speed / length)
-    spread = np.array([*along, *along, *along, *swing, *swing])
+    moves = np.isin([0, 1, 2, 1, 0], own.axes)  # of the swings, alpha is along y and beta along x
+    spread = np.array([*along, *along, *along, *swing, *swing]) * moves.repeat(2)
     for _ in range(TRIED_STATES):
         yield own.rest + spread * rng.uniform(-1.0, 1.0, 10)
 
@@ -110,15 +112,16 @@ def _forward(own: OwnModel, state: Array) -> tuple[mujoco.MjData, Array]:
 
 
 def _excess(own: OwnModel, state: Array) -> Array:
-    """Return the accelerations (4,) of bridge, trolley, rope and swing that nothing explains [m/s²]."""
+    """Return the accelerations (n + 1,) of driven axes and swing that nothing explains [m/s²]."""
     data, _ = _forward(own, state)
     # The engine adds gravity to accelerations: they are forces over mass.
     load, pivot, pivot_force, force = (data.sensordata[own.sensors[k : k + 3]] for k in (0, 7, 13, 16))
     direction = (load - pivot) / np.linalg.norm(load - pivot)
     tension = -own.load_mass * (direction @ force)
-    masses = own.driven_masses - np.array([0.0, 0.0, own.load_mass])
-    pulls = own.ratios * data.actuator_force[own.drives] + tension * np.array([*direction[:2], 1.0])
-    accelerations = np.array([*pivot_force[:2], rope_acceleration(own.sensors, data.sensordata)])
+    axes = own.axes
+    masses = own.driven_masses - np.where(axes == WINCH, own.load_mass, 0.0)
+    pulls = own.ratios * data.actuator_force[own.drives] + tension * np.array([*direction[:2], 1.0])[axes]
+    accelerations = np.array([*pivot_force[:2], rope_acceleration(own.sensors, data.sensordata)])[axes]
     swing = np.linalg.norm(force - direction * (direction @ force))
     return np.array([*np.abs(accelerations * masses - pulls) / own.driven_masses, swing])
 

@@ -45,6 +45,9 @@ def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_file(str(file))
         complete_names(file, spec, names)
         for k, (kind, of) in enumerate(SENSORS):
+            if not getattr(names, of):  # a fixed rope has no winch; the place of its force stays unread
+                spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=mujoco.mjtSensor.mjSENS_CLOCK)
+                continue
             objtype = mujoco.mjtObj.mjOBJ_ACTUATOR if of == "winch_drive" else mujoco.mjtObj.mjOBJ_SITE
             spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
@@ -94,7 +97,7 @@ def servo_kind(file: Path, model: mujoco.MjModel, names: ModelNames) -> str:
     drives differ, or if one has what no plant has.
     """
     kinds = {}
-    for name in names.drives:
+    for name in filter(None, names.drives):
         for cause, remedy in _peculiarities(model, name):
             raise InputError(
                 f"{file}: {name} has {cause}",
@@ -105,7 +108,7 @@ def servo_kind(file: Path, model: mujoco.MjModel, names: ModelNames) -> str:
     if len(set(kinds.values())) > 1:
         raise InputError(
             f"{file}: {', '.join(f'{name} is of the kind {kind}' for name, kind in kinds.items())}",
-            allowed="three actuators of one kind: velocity, position or force (motor)",
+            allowed="actuators of one kind: velocity, position or force (motor)",
             remedy="change the actuators in the file",
         )
     return next(iter(kinds.values()))

@@ -20,9 +20,11 @@ from cranectl.plants.mujoco.own_file import (
 from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import AXES, SiteModel
 from cranectl.scenario import ModelNames, RigParameters
-from cranectl.signals import ALPHA, ROPE
+from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError, Provenance
 
+BRIDGE, TROLLEY, WINCH = range(3)
+PARTS = ("bridge", "trolley", "winch")
 MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
 MAX_RISE = 1e-6  # [m] of the pivot
 MAX_OFFSET = 1e-5  # [m] of a hanging load from below its pivot
@@ -31,6 +33,8 @@ PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
 NAMES = "check the names in [plant.names], and what else the drive moves; no crane may slew or luff"
 TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
+# Of the load, for a winch without inertia: forces for a lighter one lose digits, as they become accelerations.
+MIN_WINCH = 1e-5
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
 
 
@@ -46,10 +50,13 @@ class OwnModel(SiteModel):
         self.digest = _digest(spec)
         self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
         self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
-        self.drives = np.array([model.actuator(name).id for name in names.drives], dtype=np.int64)
+        self.axes = np.flatnonzero([bool(name) for name in names.drives])  # (n,) of 3 that have a drive
+        self.drive_names = [name for name in names.drives if name]
+        self.has_winch = bool(names.winch_drive)
+        self.drives = np.array([model.actuator(name).id for name in self.drive_names], dtype=np.int64)
         self.sensors = sensor_values(model)  # indices in sensordata
         self.servo = servo_kind(file, model, names)  # what the drives take, such as "velocity"
-        self.filters = np.array([filter_time(model, k) for k in self.drives])  # (3,) before the forces [s]
+        self.filters = np.array([filter_time(model, k) for k in self.drives])  # (n,) before the forces [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
         shown, _ = self.show(self.new_data())
         if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
@@ -66,16 +73,20 @@ class OwnModel(SiteModel):
         shown[1::2] = shown[ALPHA:] = 0.0
         self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
         falling, pushed = self._probe_rest()
-        self.ratios = self._find_ratios()  # (3,) velocity of an actuator over that of its axis
-        self.driven_masses = self.ratios / pushed  # (3,) as in `RigParameters.driven_masses` [kg]
-        # Without force the rope runs out with g m / (winch + m).
-        self.load_mass = float(self.driven_masses[2] * falling / self.gravity)  # of all that hangs [kg]
+        self.ratios = self._find_ratios()  # (n,) velocity of an actuator over that of its axis
+        self.driven_masses = self.ratios / pushed  # (n,) as in `RigParameters.driven_masses` [kg]
+        if self.has_winch:
+            # Without force the rope runs out with g m / (winch + m).
+            self.load_mass = float(self.driven_masses[-1] * falling / self.gravity)  # of all that hangs [kg]
+            self._check_weight()
+        else:
+            self.load_mass = self._swinging_mass()
         self._check_masses()
         self._check_response()
 
     @property
     def scale(self) -> Array:
-        """Control over the set-point of each axis, or over the force on it, shape (3,)."""
+        """Control over the set-point of each axis with a drive, or over the force on it, shape (n,)."""
         gain = self.model.actuator_gainprm[self.drives, 0]
         if self.servo == "force":
             return np.asarray(1.0 / (self.ratios * gain))
@@ -84,17 +95,17 @@ class OwnModel(SiteModel):
 
     def hold(self, data: mujoco.MjData) -> None:
         """Set controls and activations that keep velocity or position of the axes, or hold the weight."""
-        set_points = np.zeros(3)
+        weight = np.where(self.axes == WINCH, -self.load_mass * self.gravity, 0.0)  # on the axes
         if self.servo == "velocity":
             shown, _ = self.show(data)
-            set_points = self.scale * shown[1:6:2]
+            set_points = self.scale * shown[1:6:2][self.axes]
         elif self.servo == "force":
-            set_points[2] = -self.load_mass * self.gravity * self.scale[2]
+            set_points = weight * self.scale
         else:
             # Set-points beyond the present position, by what the servo of the winch sags under the weight.
             mujoco.mj_fwdPosition(self.model, data)
             bias, gain = self.model.actuator_biasprm[self.drives], self.model.actuator_gainprm[self.drives, 0]
-            force = np.array([0.0, 0.0, -self.load_mass * self.gravity / self.ratios[2]])
+            force = weight / self.ratios
             set_points = (force - bias[:, 0] - bias[:, 1] * data.actuator_length[self.drives]) / gain
         for drive, set_point in zip(self.drives, set_points, strict=True):
             if (address := self.model.actuator_actadr[drive]) >= 0:
@@ -103,35 +114,36 @@ class OwnModel(SiteModel):
 
     def places(self) -> Iterator[Array]:
         """Yield the states (10,) of PLACES, at rest with the load below the pivot."""
-        for x, y, longer in PLACES:
-            yield self.rest + self.rest[ROPE] * np.array([x, 0.0, y, 0.0, longer, *(0.0,) * 5])
+        for place in PLACES:
+            moved = np.zeros(10)
+            moved[2 * self.axes] = np.array(place)[self.axes]
+            yield self.rest + self.rest[ROPE] * moved
 
     @property
     def built_in(self) -> dict[str, float]:
         """The numbers of the rig that the model has, by their names in a rig."""
-        both, trolley, winch = self.driven_masses
-        # One body may slide along x and y; then the bridge has no mass of its own.
-        masses = (
-            max(both - trolley, MIN_STATED),
-            trolley,
-            max(winch - self.load_mass, MIN_STATED),
-            self.load_mass,
-        )
-        parts = ("bridge", "trolley", "winch", "load")
-        numbers = {f"{part}_mass": mass for part, mass in zip(parts, masses, strict=True)}
+        driven = dict(zip(self.axes.tolist(), self.driven_masses.tolist(), strict=True))
+        numbers = {"load_mass": self.load_mass}
+        if BRIDGE in driven:  # one body may slide along x and y; then the bridge has no mass of its own
+            numbers["bridge_mass"] = max(driven[BRIDGE] - driven.get(TROLLEY, MIN_STATED), MIN_STATED)
+        if BRIDGE in driven or TROLLEY in driven:
+            numbers["trolley_mass"] = driven.get(TROLLEY, MIN_STATED)
+        if WINCH in driven:
+            lightest = max(MIN_WINCH * self.load_mass, MIN_STATED)
+            numbers["winch_mass"] = max(driven[WINCH] - self.load_mass, lightest)
         if self.servo != "force":
             _, stiffness, damping = -self.model.actuator_biasprm[self.drives, :3].T
             is_velocity = self.servo == "velocity"
             lags = self.driven_masses / (self.ratios**2 * damping) if is_velocity else damping / stiffness
-            for part, lag in zip(parts, lags + self.filters, strict=False):
-                numbers[f"{part}_time_constant"] = max(lag, MIN_STATED)
+            for axis, lag in zip(self.axes, lags + self.filters, strict=True):
+                numbers[f"{PARTS[axis]}_time_constant"] = max(lag, MIN_STATED)
         return {name: float(number) for name, number in {"gravity": self.gravity, **numbers}.items()}
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """The travel of the axes [m] that the limits of joints leave, by its name in a rig.
 
-        Only joints that each move one axis and no other have such a range.
+        Only joints that each move one axis and no other have such a range, and the tendon of the winch.
         """
         data = self.new_data()
         shown, gradient = self.show(data)
@@ -146,7 +158,26 @@ class OwnModel(SiteModel):
                 way = self.model.jnt_range[joint] - data.qpos[self.model.jnt_qposadr[joint]]
                 ends = sorted(float(end) for end in shown[2 * axis] + moved[axis] * way)
                 found[f"{AXES[axis]}_range"] = (ends[0], ends[1])
+        tendon = self.model.actuator_trnid[self.drives[-1], 0]
+        is_tendon = self.model.actuator_trntype[self.drives[-1]] == int(mujoco.mjtTrn.mjTRN_TENDON)
+        if self.has_winch and is_tendon and self.model.tendon_limited[tendon]:
+            mujoco.mj_tendon(self.model, data)
+            falls = self.ratios[-1] / self.model.actuator_gear[self.drives[-1], 0]
+            way = (self.model.tendon_range[tendon] - data.ten_length[tendon]) / falls
+            ends = sorted(float(end) for end in shown[ROPE] + way)
+            found["rope_range"] = (max(ends[0], MIN_STATED), ends[1])
         return found
+
+    @property
+    def assumed_ranges(self) -> dict[str, tuple[float, float]]:
+        """The travel of axes without a limit [m]: about the pose of the file, by its length of rope."""
+        length = float(self.rest[ROPE])
+        about = {"bridge_range": (0, 1.0), "trolley_range": (2, 1.0), "rope_range": (ROPE, 0.5)}
+        return {
+            name: (float(self.rest[k]) - share * length, float(self.rest[k]) + share * length)
+            for name, (k, share) in about.items()
+            if name not in self.ranges
+        }
 
     def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """Return data of the model, or of a variant, in the pose of the file or of the rig's keyframe."""
@@ -160,7 +191,7 @@ class OwnModel(SiteModel):
             data.qpos[:] = self.model.key_qpos[self.model.key(self.names.keyframe).id]
 
     def _moments(self, data: mujoco.MjData) -> Array:
-        """Return the gradient (3, nv) of the actuators' lengths."""
+        """Return the gradient (n, nv) of the actuators' lengths."""
         mujoco.mj_fwdPosition(self.model, data)
         dense = np.zeros((self.model.nu, self.model.nv))
         sparse = data.moment_rownnz, data.moment_rowadr, data.moment_colind
@@ -169,19 +200,19 @@ class OwnModel(SiteModel):
 
     def _find_ratios(self) -> Array:
         """Return the ratios; raise InputError unless each drive moves its own axis only, everywhere alike."""
-        ratios, heights = np.zeros(3), []
+        ratios, heights, own = np.zeros(len(self.axes)), [], np.eye(3, 5)[self.axes]
         for state in self.places():
             data = self.new_data()
             gradient, moment = self.place(data, state), self._moments(data)
             heights.append(float(data.site_xpos[self.sites[0], 2]))
-            motion = moment @ np.linalg.pinv(gradient)  # (3, 5) of actuators, by axis
+            motion = moment @ np.linalg.pinv(gradient)  # (n, 5) of actuators, by axis
             # The first place sets them. They are negative where a positive control moves backwards.
-            ratios = ratios if ratios.any() else np.diag(motion).copy()
-            others = np.hstack([motion - np.eye(3, 5) * ratios[:, np.newaxis], moment - motion @ gradient])
+            ratios = ratios if ratios.any() else (motion * own).sum(axis=1)
+            others = np.hstack([motion - own * ratios[:, np.newaxis], moment - motion @ gradient])
             for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * np.abs(ratios))):
                 moved = ", ".join(f"{axis} {part:.3g}" for axis, part in zip(AXES, motion[k], strict=True))
                 raise InputError(
-                    f"{self.names.drives[k]} does not move the {AXES[k]} alone and evenly: "
+                    f"{self.drive_names[k]} does not move the {AXES[self.axes[k]]} alone and evenly: "
                     f"its motion per axis is {moved}",
                     allowed="drives that each move their own axis, in all places by the same amount",
                     remedy=(
@@ -199,9 +230,9 @@ class OwnModel(SiteModel):
             )
         return ratios
 
-    def _check_masses(self) -> None:
-        """Raise InputError for masses and gravity that no rig may have."""
-        if not self.load_mass > MIN_STATED * self.driven_masses[2]:
+    def _check_weight(self) -> None:
+        """Raise InputError if no weight pulls at the winch."""
+        if not self.load_mass > MIN_STATED * self.driven_masses[-1]:
             lifted = [self.model.body(k).name or str(k) for k in np.flatnonzero(self.model.body_gravcomp)]
             raise InputError(
                 f"{self.file}: the load '{self.names.load}' does not fall where its winch is free"
@@ -209,14 +240,29 @@ class OwnModel(SiteModel):
                 allowed="a load whose weight the rope carries",
                 remedy="remove gravcomp" if lifted else "give the load a mass, and leave gravity switched on",
             )
+
+    def _swinging_mass(self) -> float:
+        """Return the mass [kg] that swings on a fixed rope as the load does when it is pushed aside."""
+        data = self.new_data(self.free)
+        gradient, inverse = self.place(data, self.rest), np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_forward(self.free, data)
+        mujoco.mj_solveM(self.free, data, inverse, np.eye(self.model.nv))
+        swing = BETA if BRIDGE in self.axes else ALPHA
+        shown = [*self.axes, swing // 2]
+        # The inverse of the mobility, of the axes and the angle that the sites show.
+        inertia = np.linalg.inv((gradient @ inverse @ gradient.T)[np.ix_(shown, shown)])
+        return float(inertia[-1, -1] / self.rest[ROPE] ** 2)
+
+    def _check_masses(self) -> None:
+        """Raise InputError for masses and gravity that no rig may have."""
         try:
             RigParameters.from_table(self.built_in, str(self.file))
         except InputError as error:
             raise InputError(
                 error.found, allowed=error.allowed, remedy="write the model in SI units: m, kg, s and N"
             ) from None
-        along_x, along_y = self.driven_masses[:2]
-        if along_y > along_x * (1.0 + MAX_COUPLING):
+        along_x, along_y = (*self.driven_masses, 0.0, 0.0)[:2]
+        if self.axes[:2].tolist() == [BRIDGE, TROLLEY] and along_y > along_x * (1.0 + MAX_COUPLING):
             raise InputError(
                 f"{self.file}: {along_y:.4g} kg move along y, and only {along_x:.4g} kg along x",
                 allowed="a lower rail along x, which carries the rail along y",
@@ -230,7 +276,7 @@ class OwnModel(SiteModel):
         self.hold(data)
         mujoco.mj_forward(self.free, data)
         held = data.actuator_force.copy()
-        for k, name in zip(self.drives, self.names.drives, strict=True):
+        for k, name in zip(self.drives, self.drive_names, strict=True):
             gain = self.model.actuator_gainprm[k, 0]
             address = self.model.actuator_actadr[k]
             values, index = (data.ctrl, k) if address < 0 else (data.act, address)
@@ -271,7 +317,7 @@ class OwnModel(SiteModel):
         return "" if self.names.load in ends else (ends or [""])[-1]
 
     def _probe_rest(self) -> tuple[float, Array]:
-        """Return how the load falls without drives [m/s²], and how 1 N of each drive (3,) moves its axis.
+        """Return how the load falls without drives [m/s²], and how 1 N of each drive (n,) moves its axis.
 
         Raises InputError if the load swings aside while held below the pivot: it hangs elsewhere.
         """
@@ -287,9 +333,10 @@ class OwnModel(SiteModel):
             mujoco.mj_forward(model, data)
             accelerations.append(gradient @ data.qacc)
         falling, *pushed = accelerations
-        by_force = pushed - falling  # (3, 5)
+        by_force = pushed - falling  # (n, 5)
         # Less what the drives do to the angles while they hold the axes: only a load aside still swings.
-        aside = falling[3:] - falling[:3] @ np.linalg.pinv(by_force[:, :3]) @ by_force[:, 3:]
+        held = falling[self.axes] @ np.linalg.pinv(by_force[:, self.axes])
+        aside = falling[3:] - held @ by_force[:, 3:]
         # A load at this offset from below its pivot swings with g offset / l².
         offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity
         if not offset < MAX_OFFSET:
@@ -299,7 +346,7 @@ class OwnModel(SiteModel):
                 allowed="a load that hangs at rest straight below the pivot",
                 remedy="move one of the two sites in the file, or what pulls the load aside",
             )
-        return float(falling[2]), np.diag(by_force)
+        return float(falling[WINCH]), by_force[np.arange(len(self.axes)), self.axes]
 
 
 def _digest(spec: mujoco.MjSpec) -> str:

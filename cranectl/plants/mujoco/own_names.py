@@ -11,6 +11,7 @@ import numpy as np
 from cranectl.scenario import ModelNames
 from cranectl.support import InputError
 
+FIXED = {"bridge_drive": "rig.axes=y", "trolley_drive": "rig.axes=x", "winch_drive": "rig.rope=fixed"}
 ALONG = 0.99  # cosine, of a rail and the axis that it runs along
 
 
@@ -20,15 +21,10 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
     Of a body that is the pivot, the origin of its frame counts, and of one that is the load, the centre of
     mass. Raises InputError, with all that is missing, if a name is not in the model.
     """
-    drives = len(spec.actuators)
-    if drives < len(names.drives):
-        raise InputError(
-            f"{file} has {drives} actuator{'' if drives == 1 else 's'}",
-            allowed="a drive each of bridge, trolley and winch, since fewer axes and fixed ropes are not run",
-            remedy="add the drive that the file lacks, such as a winch that holds the rope",
-        )
     missing = []
     for key, name in names:
+        if not name and key.endswith("drive"):  # of a fixed axis
+            continue
         if key == "keyframe":
             _check_keyframe(file, spec, name)
             continue
@@ -39,14 +35,24 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
             missing.append((key, kind, name))
     if missing:
         guesses = dict(_guesses(spec.compile()))
-        settings = (f"rig.plant.names.{key}={guesses.get(key, 'NAME')}" for key, _, _ in missing)
+        unguessed = [key for key, _, _ in missing if key.endswith("drive") and key not in guesses]
+        lacking = sum(map(bool, names.drives)) - len(spec.actuators)
+        fixed = _fixed(unguessed) if len(unguessed) == lacking else []
+        named = [key for key, _, _ in missing if key not in FIXED or FIXED[key] not in fixed]
+        settings = [*fixed, *(f"rig.plant.names.{key}={guesses.get(key, 'NAME')}" for key in named)]
         raise InputError(
             f"{file} has "
             + ", and ".join(f"no {kind} named '{name}' for the {_words(key)}" for key, kind, name in missing),
             allowed=_allowed(spec),
             remedy=f"add {' '.join(f'--set {shlex.quote(setting)}' for setting in settings)}"
-            + ("" if all(key in guesses for key, _, _ in missing) else ", or add it to the file"),
+            + ("" if all(key in guesses for key in named) else ", or add it to the file"),
         )
+
+
+def _fixed(keys: Iterable[str]) -> list[str]:
+    """Return the settings of a rig whose axes without a drive, such as "winch_drive", stand still."""
+    settings = [FIXED[key] for key in keys]
+    return settings if not {"rig.axes=x", "rig.axes=y"} <= {*settings} else []
 
 
 def _check_keyframe(file: Path, spec: mujoco.MjSpec, name: str) -> None:
@@ -93,11 +99,12 @@ def _guesses(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     mujoco.mj_kinematics(model, data)
     yield from _guessed_drives(model, data)
     carried = _carried(model, data)
-    trolleys = [body for body, axes in carried.items() if axes == {"x", "y"}]
+    along = set[str]().union(*carried.values())  # of x and y, the axes of this crane
+    trolleys = [body for body, axes in carried.items() if body and axes == along]
     hangs = [body for body in range(1, model.nbody) if body not in carried]
     if not trolleys or not hangs:
         return
-    pivot = trolleys[-1]  # children come later, so this is the last one that only x and y carry
+    pivot = trolleys[-1]  # children come later, so this is the last one that only its axes carry
     load = min(hangs, key=lambda body: float(data.xipos[body, 2]))
     for key, body in (("pivot", pivot), ("load", load)):
         sites = [k for k in range(model.nsite) if model.site_bodyid[k] == body and model.site(k).name]

@@ -43,8 +43,9 @@ class MujocoRig(NamedTuple):
     joints: NDArray[np.int64]  # (5,) indices in qpos of x_c, y_c, l, alpha, beta
     rates: NDArray[np.int64]  # (5,) indices of the same joints in qvel
     distance: NDArray[np.int64]  # (2,) indices in qpos and qvel of the distance from pivot to rope end
-    drives: NDArray[np.int64]  # (3,) indices in ctrl
-    scale: Array  # (3,) control over command
+    axes: NDArray[np.int64]  # (n,) those that have a drive, of bridge, trolley and winch
+    drives: NDArray[np.int64]  # (n,) indices in ctrl
+    scale: Array  # (n,) control over command
     integrates: bool  # whether the drives are position servos, whose set-points follow velocity commands
     load_sensors: NDArray[np.int64]  # indices in sensordata of position, velocity, tension of the load
     warnings: NDArray[np.int32]  # counts of the engine's numerical warnings
@@ -77,16 +78,16 @@ def measure_joints(rig, state):
 def set_command(rig, command):
     """Write `command` (3,), in the unit of the drive, into the engine's controls."""
     if not rig.integrates:
-        for i in range(3):
-            rig.ctrl[rig.drives[i]] = rig.scale[i] * command[i]
+        for i in range(rig.axes.shape[0]):
+            rig.ctrl[rig.drives[i]] = rig.scale[i] * command[rig.axes[i]]
 
 
 @jit
 def move_set_points(rig, command):
     """Move the set-points of position servos by half a physics step at the velocity `command` (3,)."""
     if rig.integrates:
-        for i in range(3):
-            rig.ctrl[rig.drives[i]] += 0.5 * rig.step * rig.scale[i] * command[i]
+        for i in range(rig.axes.shape[0]):
+            rig.ctrl[rig.drives[i]] += 0.5 * rig.step * rig.scale[i] * command[rig.axes[i]]
 
 
 @jit
@@ -181,6 +182,7 @@ class MujocoPlant:
             joints=state_addresses(self.model),
             rates=rate_addresses(self.model),
             distance=np.array([distance.qposadr[0], distance.dofadr[0]], dtype=np.int64),
+            axes=np.arange(3),
             drives=drive_addresses(self.model),
             scale=np.ones(3),
             integrates=False,

@@ -25,12 +25,13 @@ class SiteViews(NamedTuple):
     pivot_motion: Array  # (6,) angular and linear velocity, work space
     load_motion: Array  # (6,)
     shown: Array  # (10,) state, work space
+    has_winch: bool  # whether the rope can change its length; the next two are read only then
     winch_inertia: float  # referred to the rope [kg]
     winch_ratio: float  # velocity of the winch's actuator over that of the rope
 
 
 _NONE = np.zeros(0)
-NO_SITES = SiteViews(False, _NONE, _NONE, 0, 0, _NONE, _NONE, _NONE, 0.0, 0.0)
+NO_SITES = SiteViews(False, _NONE, _NONE, 0, 0, _NONE, _NONE, _NONE, True, 0.0, 0.0)
 
 
 @jit
@@ -91,14 +92,28 @@ def rope_acceleration(seen, sensors):
 
 
 @jit
-def read_load_of_sites(rig, load):
-    """Write height of the load below the pivot [m] and force of the rope on the winch [N] into `load`.
+def pull_along_rope(seen, sensors):
+    """Return the part of the load's acceleration towards the pivot that gravity does not cause [m/s²]."""
+    square, pull = 0.0, 0.0
+    for i in range(3):
+        way = sensors[seen[7 + i]] - sensors[seen[i]]
+        square += way * way
+        pull += way * sensors[seen[16 + i]]
+    return pull / sqrt(square)
 
-    The values are those at the start of the step. The force follows from that of the winch's drive and its
-    acceleration.
+
+@jit
+def read_load_of_sites(rig, load):
+    """Write height of the load below the pivot [m] and force of the rope [N] into `load`.
+
+    The values are those at the start of the step. The force on a winch follows from that of its drive and its
+    acceleration, and the force in a fixed rope from the acceleration of the load.
     """
     seen, sensors, sites = rig.load_sensors, rig.sensors, rig.sites
     load[2] = sensors[seen[2]] - sensors[seen[9]]
+    if not sites.has_winch:
+        load[6] = rig.load_mass * pull_along_rope(seen, sensors)
+        return
     load[6] = sites.winch_inertia * rope_acceleration(seen, sensors) - sites.winch_ratio * sensors[seen[6]]
 
 
