@@ -84,16 +84,19 @@ def test_level_1_open_loop(seed: int) -> None:
 
 
 LONG = ("fixed-position", "near-the-limits", "settled-trajectory")
+FEW = ("pole-placement", "lqr+hinf", "pid")
+OTHERS = tuple(name for name in ALL_CONTROLLERS if name not in FEW)
 
 
+@pytest.mark.parametrize("controllers", [FEW, pytest.param(OTHERS, marks=pytest.mark.slow)], ids=", ".join)
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in ALL_SCENARIOS]
 )
-def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
+def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive, controllers: tuple[str, ...]) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)
-    for controller in (*ALL_CONTROLLERS, "pid"):
+    for controller in controllers:
         case = Case.of(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
         result = case.run()
         assert [run.plant for run in result.runs] == list(PLANTS)
