@@ -41,6 +41,7 @@ FILES = {
     "full/notes.txt": "of another kind",
 }
 DESIGN = "design lqr --scenario short.toml"
+EXPORT = f"{DESIGN} --real float --drive velocity --export c"
 CERTIFY = "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7"
 RUN, CAMPAIGN = "run short.toml --plants", "campaign run many.toml --out"
 VALIDATE = "validate short.toml {} --plants analytic --controller lqr --drive ideal"
@@ -99,9 +100,8 @@ CASES: Cases = {
              "compare one.mcap two.mcap"),
     ],
     "cli/design.py": [
-        Case("add --export DIR", f"{DESIGN} --real float", f"{DESIGN} --real float --export as-floats"),
-        Case("leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity", DESIGN,
-             f"{DESIGN} --drive velocity --export as-c"),
+        Case("add --export DIR", f"{DESIGN} --real float", EXPORT),
+        Case("leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity", DESIGN, EXPORT),
         Case("choose another place with --fmu", f"{DESIGN} --fmi 3 --fmu file/lqr.fmu",
              f"{DESIGN} --fmi 3 --fmu lqr.fmu"),
     ],
