@@ -118,14 +118,13 @@ def remedies_in(folder: Path = PACKAGE) -> set[Remedy]:
     """Return every remedy in the sources below a folder."""
     trees = trees_in(folder)
     all_definitions = definitions(itertools.chain.from_iterable(tree.body for tree in trees.values()))
-    return {
-        (path.relative_to(folder).as_posix(), text)
-        for path, tree in trees.items()
-        for node in ast.walk(tree)
-        for expression in _remedies_at(node)
-        for text in texts(expression, {**all_definitions, **definitions(tree.body)})
-        if text.strip()
-    }
+    found: set[Remedy] = set()
+    for path, tree in trees.items():
+        known = {**all_definitions, **definitions(tree.body)}
+        expressions = itertools.chain.from_iterable(map(_remedies_at, ast.walk(tree)))
+        own = {text for expression in expressions for text in texts(expression, known) if text.strip()}
+        found |= {(path.relative_to(folder).as_posix(), text) for text in own}
+    return found
 
 
 def without_remedy(folder: Path = PACKAGE) -> list[str]:
@@ -135,7 +134,8 @@ def without_remedy(folder: Path = PACKAGE) -> list[str]:
         for path, tree in trees_in(folder).items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Call)
-        and ast.unparse(node.func) in ("InputError", "LogError", "StepError", "MachineError", "RuleError")
+        and isinstance(node.func, ast.Name)
+        and node.func.id in ("InputError", "LogError", "StepError", "MachineError", "RuleError")
         and "remedy" not in [keyword.arg for keyword in node.keywords]
     ]
 
