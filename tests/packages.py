@@ -2,7 +2,6 @@
 
 import json
 import os
-import shlex
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -28,13 +27,8 @@ def install(directory: Path, name: str, code: str, entry_points: str, *, version
     (metadata / "entry_points.txt").write_text(entry_points)
 
 
-def run_beside(directory: Path, *arguments: str, code: int = 0) -> str:
-    """Run `cranectl` in a process that finds packages in `directory`; return its output and errors."""
-    return run_all_beside(directory, codes={shlex.join(arguments): code})
-
-
 def run_all_beside(directory: Path, *lines: str, codes: Mapping[str, int] | None = None) -> str:
-    """Run several command lines of `cranectl` in one process that finds packages in `directory`.
+    """Run command lines in one process that finds packages in `directory`; return its output and errors.
 
     Each of `lines` must exit with 0. `codes` holds lines that run before them, with their exit codes.
     """

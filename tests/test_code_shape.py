@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.syntax import PACKAGE, trees_in
 
 MAX_POSITIONAL = 5  # of a function, without `self`
 MAX_KERNEL_ARGUMENTS = 10  # of a compiled function
@@ -15,15 +15,14 @@ COMPILERS = ("jit", "cfunc", "overload", "intrinsic", "Specialised")
 
 
 def trees() -> dict[str, ast.Module]:
-    root = ROOT / "cranectl"
-    return {str(p.relative_to(root)): ast.parse(p.read_text()) for p in sorted(root.rglob("*.py"))}
+    return {str(path.relative_to(PACKAGE)): tree for path, tree in trees_in().items()}
 
 
 def compiled_by_call(modules: dict[str, ast.Module]) -> set[str]:
     """Return the names of functions that are passed to a compiler: `jit(step)`."""
     calls = [n for tree in modules.values() for n in ast.walk(tree) if isinstance(n, ast.Call)]
-    compilations = [call for call in calls if any(name in ast.unparse(call.func) for name in COMPILERS)]
-    return {arg.id for call in compilations for arg in call.args if isinstance(arg, ast.Name)}
+    passed = [(call, arg.id) for call in calls for arg in call.args if isinstance(arg, ast.Name)]
+    return {name for call, name in passed if any(each in ast.unparse(call.func) for each in COMPILERS)}
 
 
 def nesting(node: ast.AST) -> int:

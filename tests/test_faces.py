@@ -14,8 +14,8 @@ import pytest
 
 from cranectl.support.sources import exported, imported_files
 from tests.conftest import ROOT
+from tests.syntax import PACKAGE, trees_in
 
-PACKAGE = ROOT / "cranectl"
 FACES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.pyi"))
 BESIDE = ("docs", "examples", "tests", "validation", "viewer")
 IMPORT = re.compile(r"from (?:cranectl)?\.(\w+) import (\([^)]*\)|.*)")
@@ -31,9 +31,9 @@ KEPT_APART = {
 
 def imports_of_rooms() -> Iterator[tuple[Path, str, str, list[str]]]:
     """Yield file, room, module and names of each import of a room with a face from outside of it."""
-    for path in PACKAGE.rglob("*.py"):
+    for path, tree in trees_in().items():
         own = path.relative_to(PACKAGE).parts[0]
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for module in modules:
@@ -57,13 +57,13 @@ def names_in(module: str) -> set[str]:
 
 def test_names_that_files_beside_the_package_import_exist() -> None:
     """Pages, viewer's tests, examples and what `new` writes run late; no checker of types reads them."""
-    files = [path for path in ROOT.glob("*/**/*.py") if path.relative_to(ROOT).parts[0] in BESIDE]
-    templates = [*PACKAGE.glob("cli/templates/*.py.txt")]
-    files += templates
+    files = {path: tree for folder in BESIDE for path, tree in trees_in(ROOT / folder).items()}
+    templates = {path: ast.parse(path.read_text()) for path in PACKAGE.glob("cli/templates/*.py.txt")}
+    files |= templates
     parts = [path.relative_to(ROOT).with_suffix("").parts for path in PACKAGE.rglob("*.py")]
     modules, missing = {".".join(part).removesuffix(".__init__") for part in parts}, []
-    for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path, tree in files.items():
+        for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "cranectl":
                 names = {alias.name for alias in node.names}
                 missing += [
@@ -79,8 +79,8 @@ def test_names_that_files_beside_the_package_import_exist() -> None:
 def test_names_that_programs_in_texts_import_exist() -> None:
     """Tests start programs that are texts, whose imports nobody else reads."""
     imported, missing = 0, []
-    for path in sorted((ROOT / "tests").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for path, tree in trees_in(ROOT / "tests").items():
+        for node in ast.walk(tree):
             text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
             for module, names in re.findall(r"^from (cranectl(?:\.\w+){2,}) import ([\w, ]+)", text, re.M):
                 imported += 1

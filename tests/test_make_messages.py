@@ -1,12 +1,9 @@
-"""Messages of the make commands: progress, also through a pipe, and exceeded time limits."""
+"""Messages of the make commands: what they do, and exceeded time limits."""
 
 import re
 import subprocess
 import sys
 
-import pytest
-
-from cranectl.cli import output
 from tests.conftest import ROOT
 
 LIMITED = (sys.executable, str(ROOT / ".ci" / "limited.py"))
@@ -50,14 +47,3 @@ def test_every_long_target_has_a_limit_that_prints_a_message() -> None:
     ]
     assert len(recipes) >= 8
     assert not [line for line in recipes if "$(call " not in line and ".ci/limited.py" not in line]
-
-
-def test_progress_is_written_into_a_pipe(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(output, "LINE_EVERY", 0.01)
-    text = ""
-    with output.Screen.progress_bar(20.0, "fixed-position, lqr") as advance:
-        advance(5.0)
-        while "cranectl: fixed-position, lqr  5/20 s simulated\n" not in text:  # hangs if it is never printed
-            text += capsys.readouterr().err

@@ -1,14 +1,14 @@
 """Names of classes and constants are unambiguous, and all names are words of the field."""
 
 import ast
+import functools
 import re
 from collections import defaultdict
 from collections.abc import Iterator
 
 import cranectl
-from tests.conftest import ROOT
+from tests.syntax import PACKAGE, trees_in
 
-PACKAGE = ROOT / "cranectl"
 CLASSES_OF_ONE_NAME: dict[str, str] = {}  # name: why readers do not confuse them
 NUMBERS_OF_ONE_NAME = {
     "STATES": "the number of states of the model that is the subject of the module",
@@ -21,8 +21,8 @@ NUMBERS_OF_ONE_NAME = {
 
 
 def modules() -> Iterator[tuple[str, ast.Module]]:
-    for path in sorted(PACKAGE.rglob("*.py")):
-        yield str(path.relative_to(PACKAGE)), ast.parse(path.read_text())
+    for path, tree in trees_in().items():
+        yield str(path.relative_to(PACKAGE)), tree
 
 
 def classes() -> dict[str, list[str]]:
@@ -43,6 +43,7 @@ def number(node: ast.AST) -> float | None:
     return value if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
+@functools.cache
 def numbers() -> dict[str, dict[str, float]]:
     """Return the numeric constants of all modules: {name: {module: value}}."""
     constants: dict[str, dict[str, float]] = defaultdict(dict)

@@ -23,6 +23,7 @@ def implementations() -> Any:
     return other_implementations
 
 
+@pytest.mark.slow
 def test_other_implementations_end_in_the_state_of_a_run(implementations: Any) -> None:
     task = implementations.Task("lqr+hinf")
     run = simulate_run(task.scenario, plant="mujoco", drive="velocity", design=task.design, plan=task.plan)

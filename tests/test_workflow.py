@@ -128,6 +128,7 @@ def write_workflow(folder: Path, **parts: str) -> Path:
     return folder / "repository"
 
 
+@pytest.mark.slow
 def test_a_workflow_runs_in_an_environment_of_its_own(tmp_path: Path) -> None:
     """What a step sets holds in the next ones, and the packages of this environment are not seen."""
     repository = write_workflow(tmp_path, made=f"{MADE}; python -c 'import numpy' || echo alone >> found")

@@ -1,11 +1,14 @@
 """Fixtures for tests of campaign commands: a small campaign and its result."""
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from cranectl.cli.main import main
+from tests.cli.conftest import Command, refusal
+
+__all__ = ["refusal"]
 
 SMALL = """\
 name = "small"
@@ -45,17 +48,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def refused(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Return a function that runs a refused `cranectl campaign` command and returns its standard error.
-
-    The command must end with exit code 2 and without a traceback.
-    """
-
-    def refused(*arguments: str) -> str:
-        assert main(["campaign", *arguments]) == 2
-        captured = capsys.readouterr()
-        assert "Traceback" not in captured.err
-        assert captured.out == ""
-        return captured.err
-
-    return refused
+def refused(refusal: Command) -> Command:
+    """Return a function that runs a refused `cranectl campaign` command and returns its standard error."""
+    return partial(refusal, "campaign")

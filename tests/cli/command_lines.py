@@ -15,7 +15,7 @@ LINES = {
     "campaign run": "many.toml --out other",
     "campaign report": "result",
     "campaign replay": "result",
-    "certify": "lqr --scenario short.toml",
+    "certify": "lqr --scenario short.toml --hoisting-speed 0 --rope-length 0.7 --tilt 0 0",
     "compare": "one.mcap",
     "design": "lqr --scenario short.toml",
     "identify": "one.mcap --rig lab-rig",

@@ -41,6 +41,8 @@ FILES = {
     "full/notes.txt": "of another kind",
 }
 DESIGN = "design lqr --scenario short.toml"
+EXPORT = f"{DESIGN} --real float --drive velocity --export c"
+CERTIFY = "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7"
 RUN, CAMPAIGN = "run short.toml --plants", "campaign run many.toml --out"
 VALIDATE = "validate short.toml {} --plants analytic --controller lqr --drive ideal"
 MERGE = "compare one.mcap {} --merge merged.mcap"
@@ -58,13 +60,11 @@ LOGS = {
 CASES: Cases = {
     "tools/robustness/certificate/certify.py": [
         Case("take --tilt 0 0 and --hoisting-speed 0, and no mean wind",
-             "certify lqr-integral --tilt 10 0 --delay 0.01",
-             "certify lqr-integral --tilt 0 0 --hoisting-speed 0 --delay 0.01"),
+             f"{CERTIFY} --tilt 10 0", f"{CERTIFY} --tilt 0 0"),
     ],
     "tools/robustness/certificate/operating_points.py": [
         Case("name fewer of them, and certify in parts",
-             "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7" + " --tilt 0 0" * 2001,
-             "certify lqr-integral --delay 0.01 --hoisting-speed 0 --rope-length 0.7 --tilt 0 0"),
+             CERTIFY + " --tilt 0 0" * 2001, f"{CERTIFY} --tilt 0 0"),
     ],
     "cli/counts.py": [
         Case("choose such a number, or leave {} out", VALIDATE.format("--jobs 1000000000"),
@@ -72,8 +72,8 @@ CASES: Cases = {
     ],
     "tools/robustness/certificate/loop.py": [
         Case("choose another signal with --open-at, or leave it out",
-             "certify lqr-integral --open-at v --delay 0.01",
-             "certify lqr-integral --open-at u --delay 0.01", "certify lqr-integral --delay 0.01"),
+             f"{CERTIFY} --tilt 0 0 --open-at v",
+             f"{CERTIFY} --tilt 0 0 --open-at u", f"{CERTIFY} --tilt 0 0"),
     ],
     "campaign/replay.py": [
         Case("choose another with --run", "campaign replay result --run 7", "campaign replay result --run 0"),
@@ -100,10 +100,10 @@ CASES: Cases = {
              "compare one.mcap two.mcap"),
     ],
     "cli/design.py": [
-        Case("add --export DIR", f"{DESIGN} --real float", f"{DESIGN} --real float --export as-floats"),
-        Case("leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity", DESIGN,
-             f"{DESIGN} --drive velocity --export as-c"),
-        Case("choose another place with --fmu", f"{DESIGN} --fmu file/a.fmu", f"{DESIGN} --fmu a.fmu"),
+        Case("add --export DIR", f"{DESIGN} --real float", EXPORT),
+        Case("leave out --drive, or add --export DIR", f"{DESIGN} --drive velocity", DESIGN, EXPORT),
+        Case("choose another place with --fmu", f"{DESIGN} --fmi 3 --fmu file/lqr.fmu",
+             f"{DESIGN} --fmi 3 --fmu lqr.fmu"),
     ],
     "campaign/failures.py": [
         Case("write --max-failures 5%", "campaign report result --max-failures 0.05",

@@ -12,7 +12,8 @@ import click
 from cranectl.cli.main import cli
 from tests.cli import option_cases
 from tests.conftest import ROOT
-from tests.remedies import PACKAGE, Remedy, remedies_in, trees_in, without_remedy
+from tests.remedies import Remedy, remedies_in, without_remedy
+from tests.syntax import PACKAGE, trees_in
 
 INPUTS = ("campaign", "controllers", "design", "files", "planning", "reference", "rules", "scenario")
 TABLES = [option_cases, *(import_module(f"tests.cli.test_key_remedies_{name}") for name in INPUTS)]
@@ -88,7 +89,7 @@ def options(command: click.Command) -> Iterator[str]:
 
 
 def test_every_command_and_option_that_a_text_names_exists() -> None:
-    trees = trees_in(PACKAGE).values()
+    trees = trees_in().values()
     texts = [str(node.value) for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant)]
     named = {name for text in texts for name in re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", text)}
     assert named - {*options(cli)} == OTHER_OPTIONS

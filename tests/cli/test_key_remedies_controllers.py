@@ -62,7 +62,7 @@ WITHOUT = "cranectl design lqr --export"
 CASES = {
     "cli/design.py": [
         Case("choose another place with --export", f"{EXPORT} . lqr", f"{EXPORT} c lqr"),
-        Case("export each by itself", f"{EXPORT} c lqr pid", f"{EXPORT} c pid"),
+        Case("export each by itself", f"{EXPORT} c lqr pid", f"{EXPORT} c lqr"),
         Case("add --scenario fast-diagonal, or another one", f"{WITHOUT} c",
              f"{WITHOUT} c --scenario fast-diagonal"),
     ],

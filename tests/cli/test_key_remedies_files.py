@@ -72,7 +72,7 @@ CASES = {
     "cli/plan.py": [
         Case("take kind = 'move', or time_law = 'minimum-time' instead of a duration",
              [PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], duration=2.0}]"],
-             [PLOT, "reference.segments=[{kind='move', to=[1.01, 0.77, -0.7]}]"]),
+             [PLOT, "reference.segments=[{kind='line', to=[1.1, 0.77, -0.7], time_law='minimum-time'}]"]),
     ],
     "support/trees.py": [
         Case("leave '{}' out", "duration.long=2.0", "duration=2.0"),

@@ -67,7 +67,7 @@ CASES = {
              [move(POINT), HEAVY, "rig.effects.limits.force=[90.0, 90.0, 90.0]"]),
         Case("lower the obstacle, or pass around it by points in via", [move(FAR), obstacle(-0.1)],
              [move(FAR), obstacle(-0.4)],
-             [move(FAR, SHORTEST, "via=[[1.0, 1.2, -0.7], [1.4, 1.2, -0.7]]"), obstacle(-0.1)]),
+             [move(FAR, SHORTEST, "via=[[1.2, 1.2, -0.7]]"), obstacle(-0.1)]),
         Case(LONG, [move(FAR), f"rig.effects.limits.{VERY_SLOW}"], [move(FAR), f"rig.effects.limits.{FAST}"],
              [move([1.001, 0.77, -0.7]), f"rig.effects.limits.{VERY_SLOW}"]),
         Case(LONG, [*VELOCITY, move(FAR), f"effects.limits.{VERY_SLOW}"],

@@ -18,7 +18,6 @@ from tests.ranges import share_of
 NUMBERS = ("0", "1", "-1", "1e-300", "1e300", "nan", "inf", str(10**12), str(2**63))
 # What follows a command, or a command and an option, instead of `LINES`.
 QUICK_LINES = {
-    "certify": "lqr",
     "render": "one.mcap one.gif --size 160x120",
     "render --time": "one.mcap one.png --size 160x120",
     "new": "experiment lab-rig",

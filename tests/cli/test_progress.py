@@ -42,15 +42,15 @@ def test_a_line_that_does_not_change_is_printed_once_a_minute(capsys: pytest.Cap
     assert lines[8:] == [f"cranectl: preparing 3, {k} min so far" for k in (8, 9, 10)]
 
 
-def test_no_more_is_done_than_all(
+def test_progress_is_written_into_a_pipe_and_no_more_is_done_than_all(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Plants that disagree run again with finer steps, which nobody has counted before."""
     monkeypatch.setattr(output, "LINE_EVERY", 0.01)
     text = ""
-    with output.Screen.progress_bar(50.0, "run") as advance:
-        for _ in range(3):
+    with output.Screen.progress_bar(50.0, "fixed-position, lqr") as advance:
+        for done in ("32/50", "64/64", "96/96"):
             advance(32.0)
-        while "96/96 s simulated" not in text:  # hangs if it is never printed
-            text += capsys.readouterr().err
+            while f"cranectl: fixed-position, lqr  {done} s simulated\n" not in text:  # hangs if it never is
+                text += capsys.readouterr().err
     assert "96/50" not in text

@@ -84,7 +84,7 @@ def test_damaged_tables_of_other_tools_are_used_or_refused(
     assert plan is None or np.isfinite(plan.reference).all()
 
 
-@fuzzed(40, name=st.sampled_from(sorted(MEASURED)), data=st.data())
+@fuzzed(150, name=st.sampled_from(sorted(MEASURED)), data=st.data())
 def test_damaged_texts_of_measuring_systems_are_read_or_refused(
     tmp_path: Path, name: str, data: st.DataObject
 ) -> None:

@@ -4,6 +4,8 @@ Levels 0, 1 and 2 of docs/explanation/model.md.
 """
 
 import itertools
+from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -84,16 +86,24 @@ def test_level_1_open_loop(seed: int) -> None:
 
 
 LONG = ("fixed-position", "near-the-limits", "settled-trajectory")
+MORE = ("pole-placement+hinf", "pole-placement+loop-shaping", "lqr", "lqr+loop-shaping")
+
+
+def cases() -> Iterator[Any]:
+    """Yield shipped scenarios with controllers: long runs, and MORE of the flat family, are slow."""
+    for name in ALL_SCENARIOS:
+        first = tuple(controller for controller in controllers_of(name) if controller not in MORE)
+        yield pytest.param(name, (*first, "pid"), marks=[pytest.mark.slow] * (name in LONG))
+        if {*MORE} <= {*controllers_of(name)}:
+            yield pytest.param(name, MORE, marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in ALL_SCENARIOS]
-)
-def test_level_2_all_plants_in_closed_loop(name: str, drive: Drive) -> None:
+@pytest.mark.parametrize(("name", "controllers"), cases())
+def test_level_2_all_plants_in_closed_loop(name: str, controllers: tuple[str, ...], drive: Drive) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)
-    for controller in (*controllers_of(name), "pid"):
+    for controller in controllers:
         case = Case.of(scenario, controller=controller, drive=drive, keep="none", pairwise=True)
         result = case.run()
         assert [run.plant for run in result.runs] == list(PLANTS)

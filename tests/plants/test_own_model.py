@@ -236,6 +236,7 @@ def test_a_step_does_not_write_the_model_again() -> None:
 SHORT = ["--drive", "velocity", "--set", "duration=1", "--set", UNDISTURBED]
 
 
+@pytest.mark.slow
 def test_commands_work_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A model that differs is run, validated by workers and shown, also where its file is not."""
     (tmp_path / "double.xml").write_text((MODELS / "double-pendulum.xml").read_text())

@@ -169,6 +169,7 @@ def test_an_unknown_plant_is_answered_with_the_known_ones(
         assert ", heavy\nremedy:  did you mean 'heavy'?" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_its_log_can_be_read_without_its_package(log: Path, tmp_path: Path) -> None:
     """It is shown with label and colour; only running it needs the package."""
     shutil.copy(log, tmp_path / "three.mcap")
@@ -222,6 +223,7 @@ def test_a_plant_known_from_a_log_only_cannot_be_run(monkeypatch: pytest.MonkeyP
     assert PLANTS["mujoco"].label == "MuJoCo"
 
 
+@pytest.mark.slow
 def test_a_plant_of_an_installed_package_is_found_by_every_process(tmp_path: Path) -> None:
     """Nothing is imported or registered by hand; another version of the package is another software."""
     entry_points = "[cranectl.plants]\nheavy = heavy_plant:HEAVY"

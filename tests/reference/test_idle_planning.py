@@ -1,6 +1,8 @@
 """Every setting of a segment and of its planning changes the motion, or is refused or reported."""
 
 import json
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +128,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory
 
 
-@pytest.mark.parametrize(("name", "key", "value"), CHANGES, ids=lambda part: str(part)[:20])
+# Planning a move in minimum time takes seconds; short moves and quickest lines try most of the same keys.
+SLOW = ("move", "quickest-refinement")
+
+
+def cases(changes: Sequence[tuple[Any, ...]]) -> list[Any]:
+    """Return the parameters of tests, marked as slow where they are."""
+    slow = [change[0] in SLOW or f"{change[0]}-{change[1]}" in SLOW for change in changes]
+    marks = [[pytest.mark.slow] * is_slow for is_slow in slow]
+    return [pytest.param(*change, marks=each) for change, each in zip(changes, marks, strict=True)]
+
+
+@pytest.mark.parametrize(("name", "key", "value"), cases(CHANGES), ids=lambda part: str(part)[:20])
 def test_a_setting_of_a_segment_changes_the_motion_or_is_refused(
     name: str, key: str, value: Any, folder: Path
 ) -> None:
@@ -139,8 +152,9 @@ def test_a_setting_of_a_segment_changes_the_motion_or_is_refused(
         assert error.found  # noqa: PT017 - an empty error is no refusal
 
 
-@pytest.mark.parametrize("name", ["line", "shortest", "quickest"])
-@pytest.mark.parametrize("key", PlanningSettings.model_fields)
+@pytest.mark.parametrize(
+    ("name", "key"), cases([*product(("line", "shortest", "quickest"), PlanningSettings.model_fields)])
+)
 def test_a_setting_of_planning_changes_the_motion_or_is_reported(name: str, key: str) -> None:
     before = sampled_reference([*BASE, as_override(SEGMENTS[name])])
     overrides = [*BASE, as_override(SEGMENTS[name]), f"planning.{key}={json.dumps(OTHER_PLAN[key])}"]
@@ -178,6 +192,7 @@ def test_every_setting_of_every_segment_is_tried() -> None:
     assert left == {("path", "duration"), ("path", "time_law")}  # as of a line, once it is planned
 
 
+@pytest.mark.slow
 def test_a_move_that_needs_a_varying_rope_is_refused_with_constant_rope() -> None:
     """Along straight lines, with which a plan begins, the rope's length varies."""
     tight = [*BASE[:-1], "planning.tension=[0.995,1.01]", "planning.share=0.9"]

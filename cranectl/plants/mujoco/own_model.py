@@ -33,8 +33,7 @@ PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
 NAMES = "check the names in [plant.names], and what else the drive moves; no crane may slew or luff"
 TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
-# Of the load, for a winch without inertia: forces for a lighter one lose digits, as they become accelerations.
-MIN_WINCH = 1e-5
+MIN_WINCH = 1e-5  # of the load, for a winch without inertia; accelerations of a lighter one lose digits
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
 
 

@@ -19,17 +19,15 @@ from scipy.io import savemat
 
 from cranectl.support.children import Child
 from cranectl.support.errors import InputError, MachineError
-from cranectl.support.tables.head import TableHead
 from cranectl.tools.measured import isolated
 from cranectl.tools.measured.isolated import read_isolated
 from cranectl.tools.measured.suggestion import suggest_map
 from cranectl.tools.measured.tables import read_head
 from tests.tools.measured import bad_readers
 from tests.tools.measured.test_files import write_parquet, write_ros_1
-from tests.tools.measured.test_formats import TEXTS, excel, hdf5_table, json_messages, matlab_7_3, savemat_4
+from tests.tools.measured.test_formats import excel, hdf5_table, json_messages, matlab_7_3, savemat_4
 
 MIB = 2**20
-TEXT_CASES = 400
 WITHOUT_REMEDY = "a refusal without what is allowed, or without a remedy"
 WRITERS: dict[str, Callable[[Path], None]] = {
     "MATLAB 4": savemat_4,
@@ -78,45 +76,6 @@ def test_damaged_binary_files_are_read_or_refused(case: str, seed: int, tmp_path
     assert found != WITHOUT_REMEDY
     if seed == 0:
         assert str(tmp_path / "a.bag") in found, "a file that was cut off is not read in part"
-
-
-def test_damaged_texts_are_read_or_refused(tmp_path: Path) -> None:
-    marks = [
-        b";",
-        b",",
-        b"\t",
-        b"\n",
-        b"\r",
-        b"\0",
-        b"\xff",
-        b"#",
-        b"'",
-        b"nan",
-        b"1e999",
-        b"31.02.2025 12:00",
-    ]
-    contents = []
-    for write, *_ in TEXTS.values():
-        write(tmp_path / "a.csv")
-        begins = (tmp_path / "a.csv").read_bytes()[:3000]
-        contents.append(begins[: max(begins.rfind(b"\n"), begins.rfind(b"\r"))])
-    refused = 0
-    for seed in range(TEXT_CASES):
-        source = random.Random(seed)
-        content = bytearray(source.choice(contents))
-        for _ in range(source.randint(0, 2)):
-            place = source.randrange(len(content))
-            if source.random() < 0.6:
-                content[place:place] = source.choice(marks)
-            else:
-                del content[place : place + source.randint(1, 80)]
-        try:
-            head = TableHead.of_text(bytes(content), "the text")
-            for k in range(len(head.names)):
-                head.read(k)
-        except InputError:
-            refused += 1
-    assert 0.1 * TEXT_CASES < refused < 0.9 * TEXT_CASES, "both ends are tried"
 
 
 def nested_cells(depth: int) -> bytes:
