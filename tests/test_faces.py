@@ -33,13 +33,36 @@ def imports_of_rooms() -> Iterator[tuple[Path, str, str, list[str]]]:
     """Yield file, room, module and names of each import of a room with a face from outside of it."""
     for path in PACKAGE.rglob("*.py"):
         own = path.relative_to(PACKAGE).parts[0]
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
+        for node in nodes:
+            for room, name in rooms_imported_whole(node):
+                if room != own:
+                    yield path, room, f"cranectl.{room}", attributes_of(name, nodes)
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for module in modules:
                 room = (*module.split("."), "")[1]
                 if module.startswith("cranectl.") and room in FACES and room != own:
                     yield path, room, module, [alias.name for alias in node.names]
+
+
+def rooms_imported_whole(node: ast.AST) -> Iterator[tuple[str, str]]:
+    """Yield each room that `from cranectl import room as name` imports, and its name there."""
+    if isinstance(node, ast.ImportFrom) and node.module == "cranectl":
+        for alias in node.names:
+            if alias.name in FACES:
+                yield alias.name, alias.asname or alias.name
+
+
+def attributes_of(name: str, nodes: list[ast.AST]) -> list[str]:
+    """Return what is read off `name`, also in quoted annotations."""
+    texts = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    quoted = [found for text in texts for found in re.findall(rf"\b{name}\.(\w+)", text)]
+    return quoted + [
+        node.attr
+        for node in nodes
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == name
+    ]
 
 
 def names_in(module: str) -> set[str]:
@@ -181,11 +204,20 @@ def test_a_plant_loads_no_equations_of_another(plant: str, others: list[str]) ->
         ("from cranectl.controllers import (\n    Controller,\n    Nominal,\n)", "controllers/controller.py"),
         ("import cranectl.model", "model/dynamics.py"),
         ("from cranectl import plants", "plants/analytic.py"),
+        ("from cranectl import plants\nplants.MujocoPlant", "plants/mujoco/plant.py"),
+        ("from cranectl import support, plants as models\nmodels.MujocoPlant", "plants/mujoco/plant.py"),
     ],
 )
 def test_an_import_of_a_face_is_followed(line: str, file: str, tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(f"{line}\n")
     assert PACKAGE / file in imported_files(tmp_path / "own.py")
+
+
+def test_of_a_face_only_what_is_read_off_it_counts(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("from cranectl import model as equations, support\nsupport.InputError\n")
+    names = {path.name for path in imported_files(tmp_path / "own.py")}
+    assert {"errors.py", "dynamics.py"} <= names  # of a face of which nothing is read, all names count
+    assert "columns.py" not in names
 
 
 def test_a_chain_through_a_face_is_found(tmp_path: Path) -> None:
