@@ -163,7 +163,7 @@ def _print_pairs(
 
 def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
     """Print every signal, then the largest differences, under `title` or the names of the runs."""
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
 
     screen.print(DifferenceTables.of_signals(title or f"{comparison.b} minus {comparison.a}", comparison))
     screen.print(
@@ -178,7 +178,7 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
     from cranectl.compare import Comparison
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
 
     comparisons = Comparison.against_first(runs)
     screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
@@ -190,7 +190,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
     """Compare the plants of one log, judged as by the run that wrote it."""
     from cranectl.cases import CaseResult, RunSummary
     from cranectl.compare import Agreement, compare_runs, judge
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import RunTables
 
     if len(by_plant) < 2:
         raise InputError(
@@ -236,7 +236,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
     from cranectl.cases import LogPair
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new_log, golden_log)
@@ -274,7 +274,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
     from cranectl.cases import LogPair, Regression
     from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
 
     limits = Tolerances.load(tolerances)
     _check_are_two(new, golden)

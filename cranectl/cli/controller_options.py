@@ -34,10 +34,10 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         if not {".", ":"} & set(name):
             return name
         from cranectl.controllers import ALL_CONTROLLERS
-        from cranectl.loaders.opening import open_controller
+        from cranectl.loaders import open_controller
 
         if not ALL_CONTROLLERS.is_reference(name):
-            from cranectl.loaders.c_controller import check_compiled
+            from cranectl.loaders import check_compiled
 
             check_compiled(directory / name)
             return name

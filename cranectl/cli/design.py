@@ -89,7 +89,7 @@ def design_command(
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
     from cranectl.controllers import ALL_CONTROLLERS, Tracker
-    from cranectl.report.design import DesignReport
+    from cranectl.report import DesignReport
     from cranectl.simulate import PreparedController
 
     export = Export(**exporting)
@@ -213,7 +213,7 @@ def _check_directory(directory: Path) -> None:
 
 def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
-    from cranectl.loaders.c_controller import HEADER
+    from cranectl.loaders import HEADER
     from cranectl.tools.export.package import exported_files
 
     texts = exported_files(exported, Command.given(), single=single)

@@ -112,7 +112,7 @@ def _rig_lines(file: Path, names: "ModelNames", numbers: Mapping[str, float | li
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
     from cranectl.log import Log, LogDescription
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import RunTables
 
     read, description = Log.read(log), LogDescription.of(log)
     table = (_print_overlay if read.is_overlay else _print_plants)(description, read, screen)
@@ -128,8 +128,7 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
     from cranectl.cases import RunSummary
     from cranectl.log import origins
     from cranectl.planning import add_claims
-    from cranectl.report.run.differences import LogTables
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import LogTables, RunTables
     from cranectl.support import Provenance
 
     runs = log.runs
@@ -159,7 +158,7 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
     from cranectl.log import origins
     from cranectl.planning import add_claims
     from cranectl.plants import PhysicsStep
-    from cranectl.report.run.differences import LogTables
+    from cranectl.report import LogTables
     from cranectl.support import Provenance
 
     runs = log.runs

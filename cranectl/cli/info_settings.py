@@ -9,7 +9,7 @@ from cranectl.cli.output import Screen
 from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
-    from cranectl.report.table import Table
+    from cranectl.report import Table
     from cranectl.scenario import RigOrigins
 
 Kind = Literal["model", "rig", "scenario", "log"]
@@ -110,7 +110,7 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
 
 
 def _rig_table(title: str, rig: "RigOrigins") -> "Table":
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
     from cranectl.support import Tree
 
     rows = (
@@ -123,7 +123,7 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
     from cranectl.support import Tree
 
     scenario = request.read()

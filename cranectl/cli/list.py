@@ -9,7 +9,7 @@ import click
 
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Table
 from cranectl.support import Shipped
 
 if TYPE_CHECKING:

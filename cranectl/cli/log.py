@@ -93,7 +93,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     """
     from cranectl.log import Log
     from cranectl.plants import PLANTS
-    from cranectl.report.viewer_layouts import layout_json
+    from cranectl.report import layout_json
 
     shown = Log.read(log) if log else Log({})
     runs = shown.runs
@@ -159,7 +159,7 @@ def overlay_logs(
     from cranectl.cases import Case
     from cranectl.compare import Comparison
     from cranectl.log import Log
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
 
     gathered = Log.gather(logs, labels=labels, plants=plants)
     runs = gathered.runs

@@ -15,7 +15,7 @@ from cranectl.cli.counts import Count
 from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
-    from cranectl.report.table import Table
+    from cranectl.report import Table
     from cranectl.simulate import Run
 
 MAP = "map"  # of measured files; NAME is such a file
@@ -91,7 +91,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
-    from cranectl.loaders.c_controller import HEADER, compile_command
+    from cranectl.loaders import HEADER, compile_command
 
     InputError.check_name(kind, name)
     module = name.replace("-", "_")
@@ -153,7 +153,7 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
 
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
     from cranectl.tools.measured.programme import Programme
 
     rows = [

@@ -19,13 +19,13 @@ from rich.table import Column
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from cranectl.report.table import Table
+from cranectl.report import Table
 from cranectl.support import File, in_background, printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
-    from cranectl.report.page import Page
+    from cranectl.report import Page
     from cranectl.support import JUnitCase
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
@@ -89,7 +89,7 @@ class Screen(Console):
 
     def save_figure(self, figure: Any, path: Path) -> None:
         """Draw a figure into a file and print where it is."""
-        from cranectl.report.theme import Chart
+        from cranectl.report import Chart
 
         Chart.save(figure, path)
         self.print(f"picture: {path}")

@@ -39,9 +39,8 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     cranectl plan fast-diagonal-shortest --bound
     cranectl plan fast-diagonal-shortest --set planning.share=0.8 --json -
     """
-    from cranectl.planning import plan_motions
-    from cranectl.planning.review import Review
-    from cranectl.report.plan import PlanReport
+    from cranectl.planning import Review, plan_motions
+    from cranectl.report import PlanReport
     from cranectl.scenario import EFFECTS, ScenarioFile
     from cranectl.simulate import PlannedReference
 
@@ -63,7 +62,7 @@ def plan_command(request: ScenarioRequest, plot: Path | None, bound: bool, scree
     unread = (*IdleSettings.OF_RUNS, *UNREAD, *(f"effects.{name}.*" for name in effects))
     IdleSettings.print_in_analysis(screen, ready, request, [ready.controller.name], unread=unread)
     if plot is not None:
-        from cranectl.report.plan import PlanReport
+        from cranectl.report import PlanReport
 
         screen.save_figure(PlanReport.figure(reviewed, ready), plot)
     screen.write_json(PlanReport.json(ready, reviewed, least))

@@ -51,7 +51,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
     from cranectl.log import Log
-    from cranectl.report.run.page import LogPage
+    from cranectl.report import LogPage
     from cranectl.support import Provenance
     from cranectl.tools.render.draw import draw_worst_moment
 

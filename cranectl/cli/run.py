@@ -57,7 +57,7 @@ def run_command(
     """
     from cranectl.cases import Case
     from cranectl.plants import DRIVES
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import RunTables
 
     case = Case.of(
         request.load(),

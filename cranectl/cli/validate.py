@@ -23,7 +23,7 @@ from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 if TYPE_CHECKING:
     from cranectl.cases import Case, Failure, Pairwise, Validation
     from cranectl.plants import Drive
-    from cranectl.report.page import Page
+    from cranectl.report import Page
     from cranectl.scenario import RigParameters, Scenario
 
 
@@ -112,7 +112,7 @@ def validate_command(
         )  # fmt: skip
     from cranectl.cases import Pairwise
     from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.report.run.differences import DifferenceTables
+    from cranectl.report import DifferenceTables
     from cranectl.simulate import Loop
 
     names = ALL_CONTROLLERS.chosen(controllers)
@@ -213,7 +213,7 @@ def _page(
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
     from cranectl.log import read_log
-    from cranectl.report.validation import ValidationPage
+    from cranectl.report import ValidationPage
     from cranectl.tools.render.draw import draw_worst_moment
 
     moments = {}

@@ -13,14 +13,14 @@ from cranectl.cli.output import Screen
 if TYPE_CHECKING:
     from cranectl.cases import Failure, Validation
     from cranectl.compare import Agreement
-    from cranectl.report.table import Table
+    from cranectl.report import Table
 
 SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 
 def print_results(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
     """Print the results of the cases, and on standard error why some could not be run."""
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import RunTables
 
     finished, missing = validation.finished, validation.without_result
     if finished or missing:
@@ -55,7 +55,7 @@ def print_results(validation: "Validation", code: int, out: Path, screen: Screen
 
 def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = ()) -> "Iterator[Table | str]":
     """Yield a table with one row for each scenario, and one of the plants that disagree."""
-    from cranectl.report.run.tables import RunTables
+    from cranectl.report import RunTables
 
     if agreements:  # a single plant has none
         yield RunTables.agreement_summary(agreements, others)

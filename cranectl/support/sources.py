@@ -55,7 +55,7 @@ def _imported(path: Path) -> frozenset[Path]:
 def _used_files(module: Path, name: str, text: str) -> set[Path]:
     """Return the files of a module, of which a face only loads what `text` reads off it as `name.NAME`."""
     homes = exported(module)
-    used = {homes[each] for each in set(re.findall(rf"\b{name}\.(\w+)", text)) & homes.keys()}
+    used = {homes[found] for found in set(re.findall(rf"\b{name}\.(\w+)", text)) & homes.keys()}
     return {module / "__init__.py", *used} if used else module_files(module)
 
 

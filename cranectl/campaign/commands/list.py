@@ -11,7 +11,7 @@ from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.campaign.definition import Campaign, UncertainParameter
-    from cranectl.report.table import Table
+    from cranectl.report import Table
 
 QUANTILES = (0.05, 0.95)
 
@@ -27,7 +27,7 @@ def list_campaigns(screen: Screen) -> None:
     """
     from cranectl.campaign.load import load_campaign
     from cranectl.campaign.settings import CampaignSettings
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
 
     campaigns = [load_campaign(name) for name in CampaignSettings.shipped_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
@@ -81,7 +81,7 @@ def duration(seconds: float) -> str:
 
 def _parameters_table(campaign: "Campaign") -> "Table":
     from cranectl.campaign.table import describe
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(

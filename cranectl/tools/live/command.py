@@ -84,7 +84,7 @@ def live_command(
     controls = Controls(loaded, design, drive=drive, speed=speed)
     plants = PLANTS.to_run(plants, loaded.rig)
     if layout:
-        from cranectl.report.viewer_layouts import layout_json
+        from cranectl.report import layout_json
 
         with File(layout).writing():
             File(layout).write_text(layout_json("live", plants=plants, rig=loaded.limited_rig))

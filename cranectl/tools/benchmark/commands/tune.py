@@ -14,7 +14,7 @@ from cranectl.cli.output import Screen
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 
 if TYPE_CHECKING:
-    from cranectl.report.table import Table
+    from cranectl.report import Table
     from cranectl.tools.benchmark.tuning import Tuned
 
 
@@ -105,7 +105,7 @@ def tune_command(
 
 def _table(tuned: "Tuned") -> "Table":
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
 
     points = tuned.best_points
     rows = [

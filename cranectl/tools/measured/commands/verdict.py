@@ -19,7 +19,7 @@ from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
     from cranectl.log import Layer
-    from cranectl.report.table import Table
+    from cranectl.report import Table
     from cranectl.simulate import Run
     from cranectl.tools.measured.replay import Replay
 
@@ -92,7 +92,7 @@ def compare_measured(
 
 def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
-    from cranectl.report.table import Cell, Table
+    from cranectl.report import Cell, Table
 
     rows = []
     for row in residuals:
