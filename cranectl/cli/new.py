@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import loaders
+from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.counts import Count
+from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
 from cranectl.support import File, InputError
 
 if TYPE_CHECKING:
-    from cranectl.report import Table
     from cranectl.simulate import Run
 
 MAP = "map"  # of measured files; NAME is such a file
@@ -91,24 +94,22 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
         _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
         return
-    from cranectl.loaders import HEADER, compile_command
-
     InputError.check_name(kind, name)
     module = name.replace("-", "_")
     stem = module if kind.endswith("controller") else name
     templates = {
         f"{stem}.{ENDINGS[kind]}": TEMPLATES / f"{kind}.{ENDINGS[kind]}.txt",
         f"test_{module}.py": TEMPLATES / f"test_{kind}.py.txt",
-        **({HEADER.name: HEADER} if ENDINGS[kind] == "c" else {}),
+        **({loaders.HEADER.name: loaders.HEADER} if ENDINGS[kind] == "c" else {}),
     }
     texts = {
         directory / file: re.sub("NAME", name, re.sub("MODULE", module, template.read_text(encoding="utf-8")))
         for file, template in templates.items()
     }
-    _write(texts, shared=HEADER.name)
+    _write(texts, shared=loaders.HEADER.name)
     if ENDINGS[kind] == "c":
         source = directory / f"{stem}.c"
-        click.echo(f"compile it: {compile_command(source)}")
+        click.echo(f"compile it: {loaders.compile_command(source)}")
         library = shlex.quote(str(source.with_suffix(".so")))
         click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
     if find_spec("pytest") is None:
@@ -119,13 +120,11 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
-    from cranectl.cli.output import Screen
-    from cranectl.scenario import RigFile
     from cranectl.tools.measured.programme import Programme
     from cranectl.tools.measured.report import IdentificationReport
     from cranectl.tools.measured.suggestion import run_name
 
-    rig, name, screen = RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
+    rig, name, screen = scenario_files.RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
     runs = Programme.runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
@@ -149,11 +148,10 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     screen.print(f"  cranectl identify RECORDED*.csv {options}")
 
 
-def programme_table(runs: "Sequence[Run]") -> "Table":
+def programme_table(runs: "Sequence[Run]") -> Table:
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
 
-    from cranectl.report import Cell, Table
     from cranectl.tools.measured.programme import Programme
 
     rows = [

@@ -5,13 +5,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.campaign.commands.options import campaign_argument
+from cranectl.campaign.commands.options import campaign_argument, idle_in_campaign
 from cranectl.cli.command import Command
+from cranectl.cli.counts import Count
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
 
 if TYPE_CHECKING:
     from cranectl.campaign.definition import Campaign, UncertainParameter
-    from cranectl.report import Table
 
 QUANTILES = (0.05, 0.95)
 
@@ -27,7 +29,6 @@ def list_campaigns(screen: Screen) -> None:
     """
     from cranectl.campaign.load import load_campaign
     from cranectl.campaign.settings import CampaignSettings
-    from cranectl.report import Cell, Table
 
     campaigns = [load_campaign(name) for name in CampaignSettings.shipped_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
@@ -53,16 +54,12 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     cranectl campaign show lab-rig
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
-    from cranectl.campaign.commands.options import idle_in_campaign
-    from cranectl.cli.idle import IdleSettings
-
     screen.print(_parameters_table(campaign))
     screen.print_each(_lines(campaign))
     IdleSettings.print(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:
         from cranectl.campaign.workers import estimated_seconds
-        from cranectl.cli.counts import Count
 
         cores = Count.available_cores()
         with Screen.progress_bar(1.0, "running the nominal scenario", done="measured"):
@@ -79,9 +76,8 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _parameters_table(campaign: "Campaign") -> "Table":
+def _parameters_table(campaign: "Campaign") -> Table:
     from cranectl.campaign.table import describe
-    from cranectl.report import Cell, Table
 
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(

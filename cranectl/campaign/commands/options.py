@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.names import Names
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.plants import DRIVES
 from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
@@ -119,8 +122,6 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
     """Say which settings of a campaign and of its scenario change nothing in its runs."""
     from cranectl.campaign.settings import COUNTED
-    from cranectl.cli.idle import IdleSettings
-    from cranectl.plants import DRIVES
 
     settings = campaign.settings
     uses = product(settings.plants, (DRIVES.checked(settings.drive),), settings.controllers)

@@ -13,6 +13,7 @@ from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
+from cranectl.plants import PLANTS
 from cranectl.support import FileKind
 
 if TYPE_CHECKING:
@@ -161,7 +162,6 @@ def replay_campaign(
     """
     from cranectl.campaign.replay import check_models, chosen_rows, replay_run
     from cranectl.campaign.results import REPLAYS, read_results
-    from cranectl.plants import PLANTS
 
     PLANTS.forget_model_files()
     plants = tuple(PLANTS.find(name).name if name.endswith(PLANTS.MODEL_ENDING) else name for name in plants)

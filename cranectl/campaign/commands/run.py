@@ -9,11 +9,18 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from cranectl.campaign.commands.options import Judgement, campaign_argument, judgement_options
+from cranectl.campaign.commands.options import (
+    Judgement,
+    campaign_argument,
+    idle_in_campaign,
+    judgement_options,
+)
+from cranectl.campaign.commands.results import show_result
 from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
@@ -89,14 +96,10 @@ def run_campaign(
     Exit codes: 0 all runs are there, failed ones included; 1 more than --max-failures failed; 2 bad input
     or a full disk; 3 none could be run; 130 interrupted.
     """
-    from cranectl.campaign.commands.options import idle_in_campaign
-    from cranectl.campaign.commands.results import show_result
     from cranectl.campaign.manifest import Manifest
     from cranectl.campaign.results import Store, read_results
     from cranectl.campaign.table import FAILED
     from cranectl.campaign.workers import batch_engine
-    from cranectl.cli.counts import Count
-    from cranectl.cli.idle import IdleSettings
 
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")

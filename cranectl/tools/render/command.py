@@ -4,6 +4,7 @@ from pathlib import Path
 
 import click
 
+from cranectl import log as log_files
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
@@ -56,11 +57,12 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
-    from cranectl.log import Log
     from cranectl.tools.render.draw import draw_runs, render_settings
 
     settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
-    runs = (Log.gather(logs, labels=labels) if labels or len(logs) > 1 else Log.read(logs[0])).runs
+    runs = (
+        log_files.Log.gather(logs, labels=labels) if labels or len(logs) > 1 else log_files.Log.read(logs[0])
+    ).runs
     with Screen.progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
         shown = draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.suffix == ".png" else f"video of {shown:g} s"

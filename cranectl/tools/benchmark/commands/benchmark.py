@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from cranectl import campaign as campaigns
 from cranectl.cli.command import Command, CommandGroup
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import MAX_DRAWS, File, FileKind, InputError, Shipped
 
 if TYPE_CHECKING:
@@ -33,8 +35,6 @@ def measured_controllers(
     of ours, or `named` has the file and the benchmark is in the working directory. Raises InputError for an
     unknown name.
     """
-    from cranectl.controllers import ALL_CONTROLLERS
-
     folder = benchmark.file.parent
     is_ours = benchmark.file.resolve().is_relative_to(Shipped.BENCHMARKS.folder.resolve())
     trust = trust or is_ours or (bool(named) and folder.resolve() == Path.cwd())
@@ -113,8 +113,6 @@ def run_benchmark(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a controller could not be run at
     all.
     """
-    from cranectl.campaign import batch_engine
-    from cranectl.cli.counts import Count
     from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.results import run_trials
     from cranectl.tools.benchmark.settings import Benchmark
@@ -142,7 +140,7 @@ def run_benchmark(
         TunedResult.settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
     campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
-    with batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
+    with campaigns.batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(trials))
         done = run_trials(
             trials,

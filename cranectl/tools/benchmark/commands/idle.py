@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.idle import IdleSettings
+from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.support import Shipped
 from cranectl.tools.benchmark.settings import Benchmark
 from cranectl.tools.benchmark.trials import scenario_source

@@ -11,10 +11,10 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
 
 if TYPE_CHECKING:
-    from cranectl.report import Table
     from cranectl.tools.benchmark.tuning import Tuned
 
 
@@ -61,7 +61,6 @@ def tune_command(
     cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
-    from cranectl.cli.counts import Count
     from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
     from cranectl.tools.benchmark.declared import variables_of
     from cranectl.tools.benchmark.settings import Benchmark
@@ -103,10 +102,8 @@ def tune_command(
     screen.write_json({**table, "files": [str(path) for path in files]})
 
 
-def _table(tuned: "Tuned") -> "Table":
+def _table(tuned: "Tuned") -> Table:
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
-    from cranectl.report import Cell, Table
-
     points = tuned.best_points
     rows = [
         Cell.row(variable.key, *(f"{point.values[k]:g}" for point in points.values()))

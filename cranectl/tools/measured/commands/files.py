@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
+from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError, LogError
@@ -116,8 +117,6 @@ class MeasuredRuns(NamedTuple):
 
 def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
     """Return the measured run of a log, or None for a file that needs a map; raise InputError if neither."""
-    from cranectl.log import read_log
-
     if path.is_file() and not _is_mcap(path):
         if has_map:
             return None
@@ -127,7 +126,7 @@ def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
             remedy=f"add --map FILE; this command begins one: cranectl new map {shlex.quote(str(path))}",
         )
     try:
-        run = read_log(path).get("measured")
+        run = log_files.read_log(path).get("measured")
     except LogError:
         if has_map:  # the import says what is wrong with a file that is no log of any program
             return None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.exit_codes import ExitCode
@@ -72,7 +73,6 @@ def identify_command(
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
-    from cranectl.scenario import RigFile
     from cranectl.tools.measured.fit import Fit
     from cranectl.tools.measured.identification import identify
     from cranectl.tools.measured.identified import campaign_text, rig_text
@@ -86,7 +86,7 @@ def identify_command(
     measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]
-    result = identify(runs, RigFile.load(rig), replay=replay, progress=screen.print)
+    result = identify(runs, scenario_files.RigFile.load(rig), replay=replay, progress=screen.print)
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     with File(path).writing():

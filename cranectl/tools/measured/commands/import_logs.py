@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import cases
+from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
@@ -57,7 +59,6 @@ def import_log(
     cranectl log import monday.csv tuesday.csv --map week.toml --each
     cranectl compare logs/monday/measured.mcap
     """
-    from cranectl.log import write_log
     from cranectl.tools.measured.importing import import_runs
     from cranectl.tools.measured.mapping import MeasuredMap
 
@@ -67,7 +68,7 @@ def import_log(
         FileKind.MCAP.check_place(path, inputs=[*files, map_file], option="--out")
     results = import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
     for path, imported in zip(logs, results, strict=True):
-        write_log(path, [imported.run])
+        log_files.write_log(path, [imported.run])
         MeasuredRuns.print_imported("measured", imported, screen)
         screen.print(f"log: {path}")
     if not separate:
@@ -83,7 +84,6 @@ def _logs(
     files: Sequence[Path], mapping: "MeasuredMap", *, separate: bool, sheets: str | None, out: Path | None
 ) -> Mapping[Path, "LogSource"]:
     """Return the logs to write, and what each is from."""
-    from cranectl.cases import Case
     from cranectl.tools.measured.importing import LogSource, each_source
 
     if not separate:
@@ -94,7 +94,7 @@ def _logs(
                 remedy="add --each, or leave --sheets out and name columns as SHEET.COLUMN",
             )
         source = LogSource(mapping.name, tuple(files))
-        return {out or Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
+        return {out or cases.Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
     if out is not None:
         raise InputError(
             f"--out {out} for several logs",
@@ -103,7 +103,7 @@ def _logs(
         )
     logs: dict[Path, LogSource] = {}
     for source in each_source(files, mapping, sheets):
-        path = Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
+        path = cases.Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
         if path in logs:
             raise InputError(
                 f"{source.label} and {logs[path].label} would both become {path}",

@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cranectl import log as log_files
+from cranectl import support
 from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import FileKind, InputError
+from cranectl.plants import PLANTS
+from cranectl.report import Cell, Table
+from cranectl.signals import SignalGroup
+from cranectl.support import FileKind, InputError, JUnitCase
 from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
-    from cranectl.log import Layer
-    from cranectl.report import Table
     from cranectl.simulate import Run
     from cranectl.tools.measured.replay import Replay
 
@@ -31,7 +34,7 @@ SHOWN = {"m": (1e3, "mm"), "rad": (degrees(1.0), "°")}
 
 def compare_measured(
     log: Path,
-    measured: "Layer",
+    measured: "log_files.Layer",
     plants: tuple[str, ...],
     *,
     replay: "Replay | None",
@@ -41,9 +44,6 @@ def compare_measured(
     """Print measured minus predicted of each signal, and write both as an overlay to `out`."""
     import numpy as np
 
-    from cranectl.log import Layer, Log
-    from cranectl.plants import PLANTS
-    from cranectl.support import Provenance
     from cranectl.tools.measured.comparison import predict
     from cranectl.tools.measured.replay import REPEATED, default_replay
 
@@ -74,8 +74,11 @@ def compare_measured(
         if prediction.status.stopped:
             screen.print(f"the prediction ended early: {prediction.status.label} at {prediction.end_s:g} s")
     if out is not None:
-        labelled = {f"predicted-{plant}": Layer(p, 1, Provenance.now()) for plant, p in predicted.items()}
-        Log({MEASURED_LABEL: measured, **labelled}).write_overlay(out)
+        labelled = {
+            f"predicted-{plant}": log_files.Layer(p, 1, support.Provenance.now())
+            for plant, p in predicted.items()
+        }
+        log_files.Log({MEASURED_LABEL: measured, **labelled}).write_overlay(out)
         screen.print(f"log: {out}")
         screen.print(f"see it over time: cranectl report {shlex.quote(str(out))}")
     screen.write_json(
@@ -90,10 +93,8 @@ def compare_measured(
     return ExitCode.GOOD
 
 
-def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
+def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> Table:
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
-    from cranectl.report import Cell, Table
-
     rows = []
     for row in residuals:
         factor, unit = SHOWN[row["unit"]]
@@ -108,8 +109,6 @@ def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
 def _residuals(prediction: "Run") -> list[dict[str, Any]]:
     """Return sizes and times of the residuals of a prediction as plain data, in SI units."""
     import numpy as np
-
-    from cranectl.signals import SignalGroup
 
     residuals = []
     for signal, values in zip(SignalGroup.RESIDUAL.signals, prediction.block("residual").T, strict=True):
@@ -149,7 +148,6 @@ def judge_runs(
     screen: Screen,
 ) -> int:
     """Judge measured runs by an identified crane, and tell the answers; return the exit code."""
-    from cranectl.support import JUnitCase
     from cranectl.tools.measured.fit import Fit
     from cranectl.tools.measured.report import VerdictReport
     from cranectl.tools.measured.verdict import COVERED, WITHIN_TOLERANCE, judge

@@ -4,12 +4,16 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import scenario as scenario_files
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.plants import DRIVES
 from cranectl.support import FileKind
 
 # Of the laboratory rig, and on another one scaled by similarity.
@@ -91,9 +95,6 @@ def certify_command(
     cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
     cranectl certify lqr+loop-shaping --set effects.body={} --set effects.frame={}
     """
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.plants import DRIVES
-    from cranectl.scenario import Scaled
     from cranectl.tools.robustness.certificate.certify import certify, make_nominal_loops
     from cranectl.tools.robustness.certificate.conservatism import find_limits
     from cranectl.tools.robustness.certificate.linear_plant import LINEAR, NOT_LINEAR, present
@@ -111,7 +112,11 @@ def certify_command(
     flat = design.axis_design is not None
     shortest = loaded.rig.rope_range[0]
     size = loaded.rig.length_scale
-    length_scale, tilt_scale, speed_scale = Scaled(1.0), Scaled(-1.0), Scaled(0.5)
+    length_scale, tilt_scale, speed_scale = (
+        scenario_files.Scaled(1.0),
+        scenario_files.Scaled(-1.0),
+        scenario_files.Scaled(0.5),
+    )
     scaled_lengths = {max(length_scale.sized(length, size), shortest): None for length in ROPE_LENGTHS}
     scaled_tilts = [(tilt_scale.sized(alpha, size), tilt_scale.sized(beta, size)) for alpha, beta in TILTS]
     scaled_speeds = [speed_scale.sized(speed, size) for speed in HOISTING_SPEEDS]
