@@ -17,7 +17,7 @@ from cranectl.tools.measured.commands.verdict import compare_measured
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
-    from cranectl.tools.measured.replay import Replay
+    from cranectl.tools.measured import Replay
 
 
 @click.command("compare", cls=Command)

@@ -16,10 +16,11 @@ from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
 from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import export as exports
 
 if TYPE_CHECKING:
     from cranectl.scenario import Scenario
-    from cranectl.tools.export.prepared import Exported
+    from cranectl.tools.export import Exported
 
 # What only runs read, and what designs of the flat family do not read either.
 UNREAD = (*IdleSettings.OF_RUNS, *IdleSettings.OF_MOTIONS, "control.physics_step", "control.lag_compensation")
@@ -187,11 +188,8 @@ class Export(NamedTuple):
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""
-        from cranectl.tools.export.controller_fmu import controller_fmu
-        from cranectl.tools.export.prepared import prepare_export
-
-        exported = prepare_export(scenario, name, self.drive)
-        content = controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
+        exported = exports.prepare_export(scenario, name, self.drive)
+        content = exports.controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
         if self.directory is not None:
             _write_c(exported, self.directory, single=self.real == "float")
             readme = self.directory / "README.md"
@@ -219,9 +217,7 @@ def _check_directory(directory: Path) -> None:
 
 def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
-    from cranectl.tools.export.package import exported_files
-
-    texts = exported_files(exported, Command.given(), single=single)
+    texts = exports.exported_files(exported, Command.given(), single=single)
     if not single:  # the library for cranectl computes with doubles
         texts[loaders.HEADER.name] = loaders.HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():

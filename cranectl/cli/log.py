@@ -15,6 +15,7 @@ from cranectl.cli.output import Screen
 from cranectl.plants import PLANTS
 from cranectl.signals import SignalGroup
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import robustness
 from cranectl.tools.measured.commands.import_logs import import_log
 
 if TYPE_CHECKING:
@@ -98,9 +99,7 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     rigs = [run.scenario.limited_rig for run in runs.values()]
     labels = tuple(runs) if shown.is_overlay else ()
     if name == "ladder" and not labels:
-        from cranectl.tools.robustness.levels import NAMES
-
-        labels = NAMES
+        labels = robustness.NAMES
     plants = PLANTS.of_logs(plants, () if labels else runs)
     if runs and not labels:
         plants = plants or tuple(runs)

@@ -12,6 +12,7 @@ from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import render
 from cranectl.tools.thesis.command import run_thesis
 
 MAX_LOGS = 4  # as many as there are colours
@@ -51,8 +52,6 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
-    from cranectl.tools.render.draw import draw_worst_moment
-
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
     for label, log in zip(Names.of_files(logs), logs, strict=True):
@@ -73,7 +72,7 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     worst = {}
     try:
         for label, runs in of_logs.items():
-            worst[label] = draw_worst_moment(runs)
+            worst[label] = render.draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
     page = report.LogPage.of(of_logs, Command.given(), notes, versions=versions, worst=worst)

@@ -18,6 +18,7 @@ from cranectl.cli.refused_options import fmi_option, refuse_fmi
 from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.plants import DRIVES, PLANTS
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import export as exports
 
 if TYPE_CHECKING:
     from cranectl.scenario import RigParameters
@@ -111,16 +112,15 @@ def run_command(
 
 def _write_fmu(case: "cases.Case", path: Path, fmi: str | None) -> None:
     """Write the plant of a case as an FMU; raise InputError if that is not possible."""
-    from cranectl.tools.export.fmu import fmu_archive
-    from cranectl.tools.export.plant import plant_model
-
     if len(case.plants) > 1:
         raise InputError(
             f"--fmu of {len(case.plants)} plants: {', '.join(case.plants)}",
             allowed="one plant, analytic or elastic",
             remedy="name one: --plants analytic",
         )
-    content = fmu_archive(plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2))
+    content = exports.fmu_archive(
+        exports.plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2)
+    )
     with File(path).writing(), File(path).replacing() as part:
         part.write_bytes(content)
 

@@ -8,8 +8,8 @@ from cranectl.controllers import ALL_CONTROLLERS, Parameter
 from cranectl.metrics import Limits
 from cranectl.plants import PLANTS
 from cranectl.scenario import AddedSegment, RigParameters, Scenario
-from cranectl.tools.benchmark.settings import Benchmark
-from cranectl.tools.measured.mapping import MeasuredMap
+from cranectl.tools.benchmark import Benchmark
+from cranectl.tools.measured import MeasuredMap
 
 
 def json_schema(document: str) -> dict[str, Any]:

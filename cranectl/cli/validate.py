@@ -25,6 +25,7 @@ from cranectl.cli.validate_results import print_results
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.support import TOML, File, FileKind, InputError
+from cranectl.tools import render
 from cranectl.tools.measured.commands.files import MeasuredRuns
 from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 
@@ -212,12 +213,10 @@ def _page(
     screen: Screen,
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
-    from cranectl.tools.render.draw import draw_worst_moment
-
     moments = {}
     try:
         for source, log in pages.ValidationPage.worst_logs(validation).items():
-            moments[source] = draw_worst_moment(log_files.read_log(log))
+            moments[source] = render.draw_worst_moment(log_files.read_log(log))
     except InputError as error:
         screen.print(f"report: no picture of the crane: {error.found}")
     return pages.ValidationPage.of(validation, options, Command.given(), pairs, moments)

@@ -13,6 +13,7 @@ from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError, LogError
+from cranectl.tools import measured as measured_cranes
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
@@ -50,9 +51,6 @@ class MeasuredRuns(NamedTuple):
         the crane. Raises InputError as `import_runs` does, for a map without files and for files without a
         map.
         """
-        from cranectl.tools.measured.importing import each_source, import_runs
-        from cranectl.tools.measured.mapping import MeasuredMap
-
         logs = {path: _run_of_log(path, has_map=map_file is not None) for path in dict.fromkeys(files)}
         raw = [path for path, run in logs.items() if run is None]
         if map_file is None:
@@ -69,9 +67,9 @@ class MeasuredRuns(NamedTuple):
                 allowed="--map for measured files",
                 remedy="leave --map out",
             )
-        mapping = MeasuredMap.read(map_file)
-        sources = each_source(raw, mapping, sheets)
-        results = import_runs(sources, mapping, directory=map_file.parent, rig=rig)
+        mapping = measured_cranes.MeasuredMap.read(map_file)
+        sources = measured_cranes.each_source(raw, mapping, sheets)
+        results = measured_cranes.import_runs(sources, mapping, directory=map_file.parent, rig=rig)
         named: dict[Path, list[tuple[str, Run]]] = {}
         for source, imported in zip(sources, results, strict=True):
             named.setdefault(source.files[0], []).append((source.label, imported.run))

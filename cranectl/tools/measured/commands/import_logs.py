@@ -3,7 +3,6 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -12,11 +11,8 @@ from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
+from cranectl.tools import measured as measured_cranes
 from cranectl.tools.measured.commands.files import MeasuredRuns
-
-if TYPE_CHECKING:
-    from cranectl.tools.measured.importing import LogSource
-    from cranectl.tools.measured.mapping import MeasuredMap
 
 
 @click.command("import", cls=Command)
@@ -59,14 +55,11 @@ def import_log(
     cranectl log import monday.csv tuesday.csv --map week.toml --each
     cranectl compare logs/monday/measured.mcap
     """
-    from cranectl.tools.measured.importing import import_runs
-    from cranectl.tools.measured.mapping import MeasuredMap
-
-    mapping = MeasuredMap.read(map_file)
+    mapping = measured_cranes.MeasuredMap.read(map_file)
     logs = _logs(files, mapping, separate=separate, sheets=sheets, out=out)
     for path in logs:
         FileKind.MCAP.check_place(path, inputs=[*files, map_file], option="--out")
-    results = import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
+    results = measured_cranes.import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
     for path, imported in zip(logs, results, strict=True):
         log_files.write_log(path, [imported.run])
         MeasuredRuns.print_imported("measured", imported, screen)
@@ -81,11 +74,14 @@ def import_log(
 
 
 def _logs(
-    files: Sequence[Path], mapping: "MeasuredMap", *, separate: bool, sheets: str | None, out: Path | None
-) -> Mapping[Path, "LogSource"]:
+    files: Sequence[Path],
+    mapping: "measured_cranes.MeasuredMap",
+    *,
+    separate: bool,
+    sheets: str | None,
+    out: Path | None,
+) -> Mapping[Path, "measured_cranes.LogSource"]:
     """Return the logs to write, and what each is from."""
-    from cranectl.tools.measured.importing import LogSource, each_source
-
     if not separate:
         if sheets is not None:
             raise InputError(
@@ -93,7 +89,7 @@ def _logs(
                 allowed="--sheets for a log of each sheet",
                 remedy="add --each, or leave --sheets out and name columns as SHEET.COLUMN",
             )
-        source = LogSource(mapping.name, tuple(files))
+        source = measured_cranes.LogSource(mapping.name, tuple(files))
         return {out or cases.Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
     if out is not None:
         raise InputError(
@@ -101,8 +97,8 @@ def _logs(
             allowed="the places logs/NAME/FILE.mcap, with the name in the map",
             remedy="leave --out out, and write another name into the map for another directory",
         )
-    logs: dict[Path, LogSource] = {}
-    for source in each_source(files, mapping, sheets):
+    logs: dict[Path, measured_cranes.LogSource] = {}
+    for source in measured_cranes.each_source(files, mapping, sheets):
         path = cases.Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
         if path in logs:
             raise InputError(
