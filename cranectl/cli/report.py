@@ -12,8 +12,7 @@ from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
-from cranectl.tools import render
-from cranectl.tools.thesis.command import run_thesis
+from cranectl.tools import render, thesis
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -44,7 +43,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
     if figures is not None:
         _check_directory(figures)
     if not logs:
-        return run_thesis(Screen(), out or Path("thesis.html"), figures)
+        return thesis.run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
     name = "-and-".join(label.replace("/", "-") for label in Names.of_files(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html", figures)
