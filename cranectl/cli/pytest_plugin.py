@@ -1,23 +1,22 @@
 """The pytest plugin: closed loops and golden runs in tests of other repositories, logs of what fails.
 
-Every pytest run where cranectl is installed loads it, so it loads no more than faces of rooms before a
-test asks.
+Every pytest run where cranectl is installed loads it, so it imports nothing before a test asks.
 """
 
 import os
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cranectl import cases, planning, support
-from cranectl import plants as plant_models
+if TYPE_CHECKING:
+    from cranectl.cases import CaseRuns
 
 MAX_NAME = 150  # [characters] of a file's name, without its ending
 
-RAN: pytest.StashKey[list["cases.CaseRuns"]] = pytest.StashKey()  # by the present test, fixtures of it too
+RAN: pytest.StashKey[list["CaseRuns"]] = pytest.StashKey()  # by the present test, fixtures of it too
 LOGS: pytest.StashKey[Path] = pytest.StashKey()
 
 
@@ -38,7 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.fixture(scope="module")
 def closed_loop(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> "Callable[..., cases.CaseRuns]":
+) -> "Callable[..., CaseRuns]":
     """Return a function that runs a scenario in closed loop and returns the runs by plant.
 
     `closed_loop(scenario, controller=None, *, plants, drive="ideal", rig=None, overrides=())`: scenario and
@@ -59,23 +58,27 @@ def closed_loop(
         drive: str = "ideal",
         rig: str | Path | None = None,
         overrides: Iterable[str] = (),
-    ) -> "cases.CaseRuns":
+    ) -> "CaseRuns":
         __tracebackhide__ = True
+        from cranectl.cases import Case, CaseRuns
         from cranectl.cli.controller_options import ControllerName
+        from cranectl.planning import load_scenario
+        from cranectl.plants import DRIVES
+        from cranectl.support import InputError
 
         try:
-            case = cases.Case.of(
-                planning.load_scenario(
+            case = Case.of(
+                load_scenario(
                     _beside(here, scenario),
                     rig=None if rig is None else _beside(here, rig),
                     overrides=list(overrides),
                 ),
                 controller=controller and ControllerName.open(controller, here),
-                drive=plant_models.DRIVES.checked(drive),
+                drive=DRIVES.checked(drive),
                 plants=plants or (),
             )
-            runs = cases.CaseRuns(case)
-        except support.InputError as error:
+            runs = CaseRuns(case)
+        except InputError as error:
             raise error.with_traceback(None) from None
         config.stash[RAN].append(runs)
         return runs
@@ -93,14 +96,16 @@ def assert_golden(request: pytest.FixtureRequest) -> "Callable[..., None]":
     here, name = request.path.parent, request.node.nodeid.partition("::")[2]
     judged: list[Path] = []
 
-    def judge(runs: "cases.CaseRuns", *, tolerances: str | Path = "rounding") -> None:
+    def judge(runs: "CaseRuns", *, tolerances: str | Path = "rounding") -> None:
         __tracebackhide__ = True
+        from cranectl.support import LogError
+
         path = here / "golden" / request.path.stem / _file_name(name, len(judged))
         judged.append(path)
         if request.config.getoption("cranectl_update"):
             runs.write_golden(path)
         elif not path.is_file():
-            raise support.LogError(
+            raise LogError(
                 f"no golden run {path}",
                 allowed="a log that an earlier run of this test has written",
                 remedy="write it with pytest --cranectl-update",
@@ -124,13 +129,16 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[Any]) -> 
         return
     if LOGS not in item.config.stash:  # nobody has asked for a closed loop
         return
-    had = [value for value in getattr(item, "funcargs", {}).values() if isinstance(value, cases.CaseRuns)]
+    from cranectl.cases import CaseRuns
+    from cranectl.support import LogError
+
+    had = [value for value in getattr(item, "funcargs", {}).values() if isinstance(value, CaseRuns)]
     ran = {id(runs): runs for runs in (*had, *item.config.stash[RAN])}
     for k, runs in enumerate(ran.values()):
         path = item.config.stash[LOGS] / _file_name(item.nodeid, k)
         try:
             call.excinfo.value.add_note(f"log of {runs}: {runs.write(path)}")
-        except support.LogError as error:
+        except LogError as error:
             call.excinfo.value.add_note(f"no log of {runs}: {error.found}")
 
 
