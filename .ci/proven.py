@@ -257,14 +257,23 @@ def imported_files(name: str) -> Iterator[str]:
 
 def imported_modules(tree: ast.AST) -> Iterator[str]:
     """Yield the dotted names that the source imports when it runs, ours only; some are names in modules."""
-    for node in running_nodes(tree):
+    nodes = [*running_nodes(tree)]
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name.partition(".")[0] in PACKAGES)
         elif isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] in PACKAGES:
             for alias in node.names:
-                yield home_of(node.module or "", alias.name)
+                home = home_of(node.module or "", alias.name)
+                yield from read_off(home, alias.asname or alias.name, nodes) or [home]
         elif isinstance(node, ast.Constant) and (named := NAMED_MODULE.fullmatch(str(node.value))):
             yield named[1]
+
+
+def read_off(module: str, name: str, nodes: list[ast.AST]) -> list[str]:
+    """Return the homes of what is read off a folder's face as `name.NAME`; none of another module."""
+    face = exported(ROOT.joinpath(*module.split(".")))
+    attributes = (node for node in nodes if isinstance(node, ast.Attribute) and node.attr in face)
+    return [home_of(module, node.attr) for node in attributes if ast.unparse(node.value) == name]
 
 
 def home_of(module: str, name: str) -> str:

@@ -14,7 +14,7 @@ from .controllers import register_controller as register_controller
 from .design import CONTROLLERS as CONTROLLERS
 from .design import Design as Design
 from .design import design_controller as design_controller
-from .loaders.opening import open_controller as open_controller
+from .loaders import open_controller as open_controller
 from .log import read_log as read_log
 from .log import read_signal as read_signal
 from .log import write_log as write_log

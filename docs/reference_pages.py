@@ -20,8 +20,9 @@ from google.protobuf import descriptor_pb2
 
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.cli.exit_codes import ExitCode
-from cranectl.cli.list import DOCUMENTS, json_schema
+from cranectl.cli.list import DOCUMENTS
 from cranectl.cli.main import COMMANDS
+from cranectl.cli.schemas import json_schema
 from cranectl.controllers.registry import ALL_CONTROLLERS, FLAT_FAMILY, WHERE
 from cranectl.log.messages import streams
 from cranectl.metrics.table import METRICS

@@ -29,18 +29,17 @@ ALL_CONTROLLERS = CONTROLLERS
 STILL = np.zeros(6)  # no wind, and no force on the load
 
 
-<<<<<<< HEAD
 def controllers_of(scenario: str) -> tuple[str, ...]:
     """Return the controllers with which `validate` runs a shipped scenario: the flat family, or its own."""
     own = ScenarioFile.read(scenario).controller.name
     return ALL_CONTROLLERS if own in ALL_CONTROLLERS else (own,)
-=======
+
+
 def pytest_collection_finish() -> None:
     """Search what was imported and collected for garbage only once: a tenth of the time goes there."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
->>>>>>> help-B
 
 
 def random_states(n: int, seed: int = 0) -> np.ndarray:

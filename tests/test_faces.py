@@ -3,11 +3,12 @@
 import ast
 import importlib
 import inspect
+import pkgutil
 import re
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from cranectl.support.sources import exported, imported_files
 from tests.conftest import ROOT
 from tests.syntax import PACKAGE, trees_in
 
-FACES = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.pyi"))
+FACES = sorted(path.parent.relative_to(PACKAGE).as_posix() for path in PACKAGE.glob("*/**/__init__.pyi"))
 BESIDE = ("docs", "examples", "tests", "validation", "viewer")
 IMPORT = re.compile(r"from (?:cranectl)?\.(\w+) import (\([^)]*\)|.*)")
 # What the contracts of import-linter forbid even through others, which they cannot see behind faces.
@@ -29,23 +30,59 @@ KEPT_APART = {
 }
 
 
+def room_of(parts: Sequence[str]) -> str:
+    """Return the room of a file or module; each tool is a room of its own."""
+    return "/".join(parts[: 2 if parts[0] == "tools" else 1])
+
+
+def has_commands(parts: Sequence[str]) -> bool:
+    """Return True for what holds commands of a room, which use the room as others do."""
+    return not {"command", "commands"}.isdisjoint(parts[:-1]) or parts[-1].startswith("command.")
+
+
 def imports_of_rooms() -> Iterator[tuple[Path, str, str, list[str]]]:
     """Yield file, room, module and names of each import of a room with a face from outside of it."""
     for path, tree in trees_in().items():
-        own = path.relative_to(PACKAGE).parts[0]
-        for node in ast.walk(tree):
+        parts = path.relative_to(PACKAGE).parts
+        own, nodes = room_of(parts), [*ast.walk(tree)]
+        for node in nodes:
+            for room, name in rooms_imported_whole(node):
+                if room != own or has_commands(parts):
+                    yield path, room, module_of(room), attributes_of(name, nodes)
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for module in modules:
-                room = (*module.split("."), "")[1]
-                if module.startswith("cranectl.") and room in FACES and room != own:
+                names = module.split(".")[1:]
+                room = room_of(names) if module.startswith("cranectl.") else ""
+                if room in FACES and room != own and not has_commands([*names, ""]):
                     yield path, room, module, [alias.name for alias in node.names]
+
+
+def rooms_imported_whole(node: ast.AST) -> Iterator[tuple[str, str]]:
+    """Yield each room that `from cranectl import room as name` imports, and its name there."""
+    if isinstance(node, ast.ImportFrom) and node.module in ("cranectl", "cranectl.tools"):
+        for alias in node.names:
+            room = f"{node.module}.{alias.name}".removeprefix("cranectl.").replace(".", "/")
+            if room in FACES:
+                yield room, alias.asname or alias.name
+
+
+def attributes_of(name: str, nodes: list[ast.AST]) -> list[str]:
+    """Return what is read off `name`, also in quoted annotations."""
+    texts = [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    quoted = [found for text in texts for found in re.findall(rf"\b{name}\.(\w+)", text)]
+    return quoted + [
+        node.attr
+        for node in nodes
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == name
+    ]
 
 
 def names_in(module: str) -> set[str]:
     """Return the names of a module; those of one that needs a missing extra are read from its text."""
     try:
-        return set(dir(importlib.import_module(module)))
+        found = importlib.import_module(module)
+        return set(dir(found)) | {each.name for each in pkgutil.iter_modules(getattr(found, "__path__", []))}
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("cranectl"):
             raise
@@ -91,8 +128,12 @@ def test_names_that_programs_in_texts_import_exist() -> None:
     assert missing == []
 
 
+def module_of(room: str) -> str:
+    return f"cranectl.{room.replace('/', '.')}"
+
+
 def names_of(room: str) -> set[str]:
-    return set(importlib.import_module(f"cranectl.{room}").__all__)
+    return set(importlib.import_module(module_of(room)).__all__)
 
 
 def test_every_room_of_the_core_has_a_face() -> None:
@@ -108,14 +149,15 @@ def test_every_room_of_the_core_has_a_face() -> None:
         "model",
         "plants",
     }
-    assert set(FACES) >= core | {"reference", "scenario", "simulate", "support"}
+    others = {"loaders", "planning", "reference", "report", "scenario", "simulate", "support"}
+    assert set(FACES) >= core | others
 
 
 def test_nobody_imports_behind_a_face() -> None:
     deeper = [
         f"{path.relative_to(ROOT)}: {module}"
         for path, room, module, _ in imports_of_rooms()
-        if module != f"cranectl.{room}" and path.name != "__main__.py"
+        if module != module_of(room) and path.name != "__main__.py"
     ]
     assert deeper == []
 
@@ -136,7 +178,7 @@ def test_a_face_has_the_names_that_others_use() -> None:
 
 @pytest.mark.parametrize("room", FACES)
 def test_names_of_a_face_exist_and_say_what_they_are(room: str) -> None:
-    face = importlib.import_module(f"cranectl.{room}")
+    face = importlib.import_module(module_of(room))
     assert inspect.getdoc(face), room
     for name in names_of(room):
         found = getattr(face, name)
@@ -181,11 +223,20 @@ def test_a_plant_loads_no_equations_of_another(plant: str, others: list[str]) ->
         ("from cranectl.controllers import (\n    Controller,\n    Nominal,\n)", "controllers/controller.py"),
         ("import cranectl.model", "model/dynamics.py"),
         ("from cranectl import plants", "plants/analytic.py"),
+        ("from cranectl import plants\nplants.MujocoPlant", "plants/mujoco/plant.py"),
+        ("from cranectl import support, plants as models\nmodels.MujocoPlant", "plants/mujoco/plant.py"),
     ],
 )
 def test_an_import_of_a_face_is_followed(line: str, file: str, tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(f"{line}\n")
     assert PACKAGE / file in imported_files(tmp_path / "own.py")
+
+
+def test_of_a_face_only_what_is_read_off_it_counts(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("from cranectl import model as equations, support\nsupport.InputError\n")
+    names = {path.name for path in imported_files(tmp_path / "own.py")}
+    assert {"errors.py", "dynamics.py"} <= names  # of a face of which nothing is read, all names count
+    assert "columns.py" not in names
 
 
 def test_a_chain_through_a_face_is_found(tmp_path: Path) -> None:

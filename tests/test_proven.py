@@ -207,6 +207,17 @@ def test_imports_of_all_forms_are_found(proven: ModuleType) -> None:
     assert files == {f"cranectl/{name}.py" for name in ("__init__", "loaders/opening", "rope", "other")}
 
 
+def test_of_a_face_what_is_read_off_it_is_found(proven: ModuleType) -> None:
+    Path("cranectl/rooms").mkdir()
+    Path("cranectl/rooms/__init__.py").write_text("")
+    Path("cranectl/rooms/__init__.pyi").write_text("from .a import A as A\nfrom .b import B as B\n")
+    for name in "ab":
+        Path(f"cranectl/rooms/{name}.py").write_text("")
+    Path("tests/slow/any.py").write_text("from cranectl import rooms as many\nmany.A\n")
+    files = set(proven.imported_files("tests/slow/any.py"))
+    assert files == {f"cranectl/{name}.py" for name in ("__init__", "rooms/__init__", "rooms/a")}
+
+
 WATCHED_SCRIPT = """
 from tests import read_files
 read_files.watch()

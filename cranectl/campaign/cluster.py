@@ -27,7 +27,7 @@ from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.table import Row
 from cranectl.campaign.worker import PreparedCampaign, Stop, StoppedError, Worker
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
-from cranectl.loaders.opening import ControllerFile, open_again
+from cranectl.loaders import ControllerFile, open_again
 from cranectl.support import InputError, Interruption, MachineError, Provenance, SafePath, Table
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from cranectl.campaign.definition import Campaign, parameters_of
 from cranectl.campaign.settings import CampaignSettings
 from cranectl.controllers import ALL_CONTROLLERS
-from cranectl.loaders.opening import file_from
+from cranectl.loaders import file_from
 from cranectl.plants import PLANTS, PlantEntry
 from cranectl.scenario import MetricSettings, RigParameters, Scenario, without_file_names
 from cranectl.support import InputError, Provenance, Table, Tree

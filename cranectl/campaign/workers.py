@@ -23,7 +23,7 @@ from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.table import FAILED, Row
 from cranectl.campaign.worker import PreparedCampaign, RunEnd, Stop, StoppedError, Worker, row_of
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
-from cranectl.loaders.opening import open_again
+from cranectl.loaders import open_again
 from cranectl.simulate import Loop
 from cranectl.support import Child, InputError, MachineError, Parent, Table
 

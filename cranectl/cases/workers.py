@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from cranectl.cases.case import Case, CaseResult, Failure
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
-from cranectl.loaders.opening import open_again
+from cranectl.loaders import open_again
 from cranectl.plants import PLANTS, PlantEntry
 from cranectl.support import Child, Interruption, MachineError, Parent, SafePath
 

@@ -5,17 +5,19 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import cases, compare, report, support
+from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools.measured.commands.verdict import compare_measured
 
 if TYPE_CHECKING:
-    from cranectl.compare import Comparison
     from cranectl.simulate import Run
-    from cranectl.tools.measured.replay import Replay
+    from cranectl.tools.measured import Replay
 
 
 @click.command("compare", cls=Command)
@@ -74,12 +76,8 @@ def compare_command(
     cranectl compare measured.mcap --plants mujoco,elastic --replay motion --out predicted.mcap
     """
     _check_request(logs, tolerances, merge, despite_differences)
-    from cranectl.log import Log
-
-    alone = Log.read(logs[0]) if len(logs) == 1 else Log({})
+    alone = log_files.Log.read(logs[0]) if len(logs) == 1 else log_files.Log({})
     if (measured := alone.layers.get("measured")) is not None:
-        from cranectl.tools.measured.commands.verdict import compare_measured
-
         return compare_measured(logs[0], measured, plants, replay=replay, out=out, screen=screen)
     refuse_options(
         {"--plants": plants, "--replay": replay, "--out": out},
@@ -122,9 +120,7 @@ def _check_request(
 
 def _compare_logs(first: Path, second: Path, screen: Screen) -> int:
     """Compare the runs of each plant that two logs share, or the only runs that they hold."""
-    from cranectl.cases import LogPair
-
-    logs = LogPair(first, second)
+    logs = cases.LogPair(first, second)
     return _print_pairs(logs.pairs, (first, second), logs.software_differences, screen)
 
 
@@ -142,10 +138,8 @@ def _print_pairs(
     written: Path | None = None,
 ) -> int:
     """Print the differences of runs of two logs, and of their settings and software."""
-    from cranectl.compare import Differences, compare_runs
-
-    differing = Differences.of(*pairs[0])
-    comparisons = [compare_runs(a, b) for a, b in pairs]
+    differing = compare.Differences.of(*pairs[0])
+    comparisons = [compare.compare_runs(a, b) for a, b in pairs]
     screen.print_each(f"the runs differ in {difference}" for difference in differing.first)
     a, b = Names.of_files(logs)
     for (run, _), comparison in zip(pairs, comparisons, strict=True):
@@ -161,11 +155,11 @@ def _print_pairs(
     return ExitCode.GOOD
 
 
-def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
+def _print(screen: Screen, comparison: "compare.Comparison", title: str = "") -> None:
     """Print every signal, then the largest differences, under `title` or the names of the runs."""
-    from cranectl.report.run.differences import DifferenceTables
-
-    screen.print(DifferenceTables.of_signals(title or f"{comparison.b} minus {comparison.a}", comparison))
+    screen.print(
+        report.DifferenceTables.of_signals(title or f"{comparison.b} minus {comparison.a}", comparison)
+    )
     screen.print(
         f"loads differ by at most {comparison.max_load_error_m:.3e} m, "
         f"at {comparison.max_load_error_at_s:g} s; "
@@ -177,43 +171,37 @@ def _print(screen: Screen, comparison: "Comparison", title: str = "") -> None:
 
 def _compare_labelled(runs: dict[str, "Run"], screen: Screen) -> int:
     """Compare every run of an overlay with the first."""
-    from cranectl.compare import Comparison
-    from cranectl.report.run.differences import DifferenceTables
-
-    comparisons = Comparison.against_first(runs)
-    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
+    comparisons = compare.Comparison.against_first(runs)
+    screen.print(report.DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.write_json({"comparisons": [comparison.to_json() for comparison in comparisons.values()]})
     return ExitCode.GOOD
 
 
 def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> int:
     """Compare the plants of one log, judged as by the run that wrote it."""
-    from cranectl.cases import CaseResult, RunSummary
-    from cranectl.compare import Agreement, compare_runs, judge
-    from cranectl.report.run.tables import RunTables
-
     if len(by_plant) < 2:
         raise InputError(
             f"{log} holds the run of one plant only",
             allowed="a log of two or more plants, or two logs",
             remedy="run with --plants all, or name a second log",
         )
-    pairs = Agreement.pairs(list(by_plant.values()))
+    pairs = compare.Agreement.pairs(list(by_plant.values()))
     runs = list({run.plant: run for pair in pairs for run in pair}.values())
-    comparisons = [compare_runs(*pair) for pair in pairs]
-    judged = CaseResult(
-        tuple(RunSummary.of(run, log) for run in runs),
+    comparisons = [compare.compare_runs(*pair) for pair in pairs]
+    judged = cases.CaseResult(
+        tuple(cases.RunSummary.of(run, log) for run in runs),
         tuple(
-            judge(*pair, comparison=difference) for pair, difference in zip(pairs, comparisons, strict=True)
+            compare.judge(*pair, comparison=difference)
+            for pair, difference in zip(pairs, comparisons, strict=True)
         ),
         expected=runs[0].scenario.expected,
     )
     for comparison in comparisons:
         _print(screen, comparison)
-    screen.print(RunTables.agreement(judged.agreements))
-    if (table := RunTables.limits([judged.runs])) is not None:
+    screen.print(report.RunTables.agreement(judged.agreements))
+    if (table := report.RunTables.limits([judged.runs])) is not None:
         screen.print(table)
-    screen.print_each(RunTables.limit_notes(judged.agreements), indent="  ")
+    screen.print_each(report.RunTables.limit_notes(judged.agreements), indent="  ")
     statuses = {run.plant: run.status.label for run in judged.runs}
     for plant, status in statuses.items():
         if status != judged.expected:
@@ -223,7 +211,7 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
             "passed": judged.passed,
             "plants_agree": judged.plants_agree,
             "limits_kept": judged.limits_kept,
-            "agreement": Agreement.worst(judged.agreements).to_json(),
+            "agreement": compare.Agreement.worst(judged.agreements).to_json(),
             "agreements": [agreement.to_json() for agreement in judged.agreements],
             "statuses": statuses,
             "comparisons": [comparison.to_json() for comparison in comparisons],
@@ -234,17 +222,13 @@ def _compare_plants(log: Path, by_plant: dict[str, "Run"], screen: Screen) -> in
 
 
 def _judge(new_log: Path, golden_log: Path, tolerances: str, screen: Screen) -> int:
-    from cranectl.cases import LogPair
-    from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import DifferenceTables
-
-    limits = Tolerances.load(tolerances)
+    limits = compare.Tolerances.load(tolerances)
     _check_are_two(new_log, golden_log)
-    regression = LogPair(new_log, golden_log).judge(limits)
+    regression = cases.LogPair(new_log, golden_log).judge(limits)
     settings = regression.differing_fields.first
     screen.print_each(f"golden and new differ in {difference}" for difference in settings)
     for verdict in regression.verdicts:
-        screen.print(DifferenceTables.regression(verdict))
+        screen.print(report.DifferenceTables.regression(verdict))
     screen.print_each(
         f"not compared: {signal} of {verdict.plant}, without a number in either log"
         for verdict in regression.verdicts
@@ -272,11 +256,7 @@ def _check_are_two(new: Path, golden: Path) -> None:
 
 def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen) -> int:
     """Judge the logs in and below two directories; one that only GOLDEN has fails."""
-    from cranectl.cases import LogPair, Regression
-    from cranectl.compare import Tolerances
-    from cranectl.report.run.differences import DifferenceTables
-
-    limits = Tolerances.load(tolerances)
+    limits = compare.Tolerances.load(tolerances)
     _check_are_two(new, golden)
     paths = [{path.relative_to(folder) for path in folder.rglob("*.mcap")} for folder in (new, golden)]
     if not paths[1]:
@@ -285,18 +265,20 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
             allowed="directories with logs",
             remedy="name another GOLDEN",
         )
-    outcomes: dict[str, Regression | str] = {}
+    outcomes: dict[str, cases.Regression | str] = {}
     for path in sorted(paths[1]):
         try:
             missing = path not in paths[0]
-            outcomes[str(path)] = "missing" if missing else LogPair(new / path, golden / path).judge(limits)
+            outcomes[str(path)] = (
+                "missing" if missing else cases.LogPair(new / path, golden / path).judge(limits)
+            )
         except InputError as error:
             outcomes[str(path)] = error.found
-    passed = all(isinstance(outcome, Regression) and outcome.passed for outcome in outcomes.values())
+    passed = all(isinstance(outcome, cases.Regression) and outcome.passed for outcome in outcomes.values())
     judged = {
         path: outcome if isinstance(outcome, str) else outcome.verdicts for path, outcome in outcomes.items()
     }
-    screen.print(DifferenceTables.regressions(judged))
+    screen.print(report.DifferenceTables.regressions(judged))
     screen.print_each(f"not compared: {path}, only in {new}" for path in sorted(paths[0] - paths[1]))
     screen.print(f"{new}:", Screen.PASSED if passed else Screen.FAILED)
     logs = {
@@ -309,11 +291,7 @@ def _judge_directories(new: Path, golden: Path, tolerances: str, screen: Screen)
 
 def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> tuple["Run", "Run"]:
     """Write the merged log, and return the two runs that are in it."""
-    from cranectl.compare import Differences, merged_pair
-    from cranectl.log import LogDescription, read_log, write_log
-    from cranectl.support import Provenance
-
-    runs = [list(read_log(log).values()) for log in (a_log, b_log)]
+    runs = [list(log_files.read_log(log).values()) for log in (a_log, b_log)]
     for log, runs_of_log in zip((a_log, b_log), runs, strict=True):
         if len(runs_of_log) != 1:
             raise InputError(
@@ -321,14 +299,16 @@ def _merged(a_log: Path, b_log: Path, out: Path, despite_differences: bool) -> t
                 allowed="logs of one plant each",
                 remedy="use it as it is",
             )
-    pair = merged_pair(runs[0][0], runs[1][0])
-    descriptions = [LogDescription.of(log) for log in (a_log, b_log)]
+    pair = compare.merged_pair(runs[0][0], runs[1][0])
+    descriptions = [log_files.LogDescription.of(log) for log in (a_log, b_log)]
     if not despite_differences:
         first, second = (run.plant for run in pair)
-        Differences.of(*pair).refuse(f"the runs of {first} and {second} differ in", described=first)
+        compare.Differences.of(*pair).refuse(f"the runs of {first} and {second} differ in", described=first)
         for description in descriptions:
-            different = Provenance.differences(description.versions, Provenance.now(), harmless=True)
+            different = support.Provenance.differences(
+                description.versions, support.Provenance.now(), harmless=True
+            )
             problem = f"{description.path} and this installation differ in"
-            Differences(different).refuse(problem, described=first)
-    write_log(out, pair, every=descriptions[0].every)
+            compare.Differences(different).refuse(problem, described=first)
+    log_files.write_log(out, pair, every=descriptions[0].every)
     return pair

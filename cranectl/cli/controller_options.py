@@ -8,9 +8,12 @@ from typing import Any
 
 import click
 
+from cranectl import loaders
+from cranectl import scenario as scenario_files
 from cranectl.cli.command import F
 from cranectl.cli.completion import Completion
 from cranectl.cli.names import Names
+from cranectl.controllers import ALL_CONTROLLERS
 
 
 class ControllerName(click.ParamType):  # type: ignore[type-arg]
@@ -23,8 +26,6 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         if is_completing(context):
             return value
         if not value.strip():
-            from cranectl.controllers import ALL_CONTROLLERS
-
             ALL_CONTROLLERS.checked(value)
         return ControllerName.open(value)
 
@@ -33,15 +34,12 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         """Return `name`, or the name of the controller in the file that it names, seen from `directory`."""
         if not {".", ":"} & set(name):
             return name
-        from cranectl.controllers import ALL_CONTROLLERS
-        from cranectl.loaders.opening import open_controller
-
         if not ALL_CONTROLLERS.is_reference(name):
-            from cranectl.loaders.c_controller import check_compiled
-
-            check_compiled(directory / name)
+            loaders.check_compiled(directory / name)
             return name
-        return open_controller(name if name.startswith(ALL_CONTROLLERS.UDP) else str(directory / name))
+        return loaders.open_controller(
+            name if name.startswith(ALL_CONTROLLERS.UDP) else str(directory / name)
+        )
 
     @staticmethod
     def option(function: F) -> F:
@@ -59,10 +57,8 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         @functools.wraps(function)
         def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
             if trust and controller is None:
-                from cranectl.scenario import ScenarioFile
-
-                named = ScenarioFile.read(scenario).controller.name
-                controller = ControllerName.open(named, ScenarioFile.find(scenario).parent)
+                named = scenario_files.ScenarioFile.read(scenario).controller.name
+                controller = ControllerName.open(named, scenario_files.ScenarioFile.find(scenario).parent)
             return function(controller=controller, scenario=scenario, **options)
 
         return command  # type: ignore[return-value]

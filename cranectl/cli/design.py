@@ -6,17 +6,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import controllers, loaders, report, simulate
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi, refuse_options
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import export as exports
 
 if TYPE_CHECKING:
     from cranectl.scenario import Scenario
-    from cranectl.tools.export.prepared import Exported
+    from cranectl.tools.export import Exported
 
 # What only runs read, and what designs of the flat family do not read either.
 UNREAD = (*IdleSettings.OF_RUNS, *IdleSettings.OF_MOTIONS, "control.physics_step", "control.lag_compensation")
@@ -88,10 +92,6 @@ def design_command(
     cranectl design lqr+hinf --set design.hinf.back_off=1.05 --json -
     cranectl design lqr --scenario settled-trajectory --drive velocity --export lqr-c --fmu lqr.fmu
     """
-    from cranectl.controllers import ALL_CONTROLLERS, Tracker
-    from cranectl.report.design import DesignReport
-    from cranectl.simulate import PreparedController
-
     export = Export(**exporting)
     export.check(names, request)
     loaded = request.load() if export.is_asked else request.read()
@@ -102,8 +102,10 @@ def design_command(
     if designs[0].axis_design is None and len(designs) == 1 and plot is None:
         controller = designs[0]
         screen.print_each(
-            DesignReport.controller_tables(
-                controller, ALL_CONTROLLERS[controller.name], PreparedController.near_rest(loaded, controller)
+            report.DesignReport.controller_tables(
+                controller,
+                ALL_CONTROLLERS[controller.name],
+                simulate.PreparedController.near_rest(loaded, controller),
             )
         )
         if export.is_asked:
@@ -114,9 +116,11 @@ def design_command(
         return
     flat = [design.flat for design in designs]
     for design in flat:
-        Tracker.of(loaded, design)  # raises if sampling makes it unstable
+        controllers.Tracker.of(loaded, design)  # raises if sampling makes it unstable
     screen.print_each(
-        DesignReport.tables(flat[0]) if len(flat) == 1 else [DesignReport.comparison_table(flat)]
+        report.DesignReport.tables(flat[0])
+        if len(flat) == 1
+        else [report.DesignReport.comparison_table(flat)]
     )
     if export.is_asked:
         export.write(loaded, names[0], screen)
@@ -124,7 +128,10 @@ def design_command(
         tell(unread=(*UNREAD, *OF_OTHER_CONTROLLERS))
     if plot is not None:
         screen.save_figure(
-            DesignReport.figure(flat[0]) if len(flat) == 1 else DesignReport.comparison_figure(flat), plot
+            report.DesignReport.figure(flat[0])
+            if len(flat) == 1
+            else report.DesignReport.comparison_figure(flat),
+            plot,
         )
     results = [design.to_json() for design in flat]
     screen.write_json(results[0] if len(flat) == 1 else {"designs": results})
@@ -181,11 +188,8 @@ class Export(NamedTuple):
 
     def write(self, scenario: "Scenario", name: str, screen: Screen) -> None:
         """Write the files of an exported controller."""
-        from cranectl.tools.export.controller_fmu import controller_fmu
-        from cranectl.tools.export.prepared import prepare_export
-
-        exported = prepare_export(scenario, name, self.drive)
-        content = controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
+        exported = exports.prepare_export(scenario, name, self.drive)
+        content = exports.controller_fmu(exported, int(self.fmi or 2)) if self.fmu else None
         if self.directory is not None:
             _write_c(exported, self.directory, single=self.real == "float")
             readme = self.directory / "README.md"
@@ -213,12 +217,9 @@ def _check_directory(directory: Path) -> None:
 
 def _write_c(exported: "Exported", directory: Path, *, single: bool) -> None:
     """Write the C files of an exported controller."""
-    from cranectl.loaders.c_controller import HEADER
-    from cranectl.tools.export.package import exported_files
-
-    texts = exported_files(exported, Command.given(), single=single)
+    texts = exports.exported_files(exported, Command.given(), single=single)
     if not single:  # the library for cranectl computes with doubles
-        texts[HEADER.name] = HEADER.read_text(encoding="utf-8")
+        texts[loaders.HEADER.name] = loaders.HEADER.read_text(encoding="utf-8")
     for file, text in texts.items():
         with File(directory / file).writing(remedy="choose another place with --export"):
             directory.mkdir(parents=True, exist_ok=True)

@@ -5,14 +5,17 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from cranectl.cli.command import ScenarioRequest
+from cranectl import scenario as scenario_files
+from cranectl import simulate
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.plants import PLANTS
 from cranectl.support import InputError
 
 if TYPE_CHECKING:
     from cranectl.plants import Drive
     from cranectl.scenario import Scenario
-    from cranectl.simulate import RunKind
 
 SHOWN_NAMES = 8  # names in a line, and lines
 LABELS = ("name", "title", "controller.name")  # told where they are shown
@@ -53,19 +56,15 @@ class IdleSettings:
         command. With `all_effects` the command takes numbers of the rig for effects that the scenario does
         not have.
         """
-        from cranectl.scenario import ScenarioFile
-
-        stated = [name for name in ScenarioFile.given_settings(*request) if name not in LABELS]
+        stated = [name for name in scenario_files.ScenarioFile.given_settings(*request) if name not in LABELS]
         if not stated:
             return []
-        from cranectl.simulate import RunKind
-
         keys = [override.partition("=")[0].strip() for override in request.overrides]
         options = [*keys, *(f"{key}.*" for key in keys)]
         read = [name for name in stated if not _fits(name, unread)]
         reasons = {"the command does not read it": [n for n in stated if n not in read and _fits(n, options)]}
-        runs = [RunKind(*use) for use in uses]
-        for why, names in RunKind.find_idle_settings(scenario, request.read(), read, runs).items():
+        runs = [simulate.RunKind(*use) for use in uses]
+        for why, names in simulate.RunKind.find_idle_settings(scenario, request.read(), read, runs).items():
             reasons.setdefault(why, []).extend(names)
         lines = [
             f"{scenario.name}: {_listed(names)} nothing here: {why}"
@@ -93,8 +92,6 @@ class IdleSettings:
         """
         uses = [(plant, drive, controller) for controller in controllers]
         if with_model and scenario.rig.model is not None:
-            from cranectl.plants import PLANTS
-
             entry = PLANTS.find(scenario.rig.model, scenario.rig)
             uses += [(entry.name, entry.drives[0], controller) for _, _, controller in uses]
         lines = IdleSettings.lines(scenario, request, uses, unread=unread, all_effects=True)
@@ -103,10 +100,7 @@ class IdleSettings:
     @staticmethod
     def timeout_lines(controllers: Iterable[str], timeout: float, *, cluster: bool = False) -> list[str]:
         """Say why `--timeout`, where it is given, changes nothing for these controllers."""
-        from cranectl.controllers import ALL_CONTROLLERS
-        from cranectl.simulate import Loop
-
-        if timeout == Loop.TIMEOUT:
+        if timeout == simulate.Loop.TIMEOUT:
             return []
         if cluster:
             return ["--timeout changes nothing here: it is for runs of this machine"]
@@ -118,10 +112,8 @@ def _fits(name: str, patterns: Iterable[str]) -> bool:
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["RunKind"]) -> str:
+def _effects_line(scenario: "Scenario", idle: Sequence[str], uses: Iterable["simulate.RunKind"]) -> str:
     """Say which numbers of the rig no run uses, and the options that add their effects."""
-    from cranectl.plants import PLANTS
-
     options = ""
     added = scenario.effects.model_copy(update={name: getattr(scenario.rig.effects, name) for name in idle})
     try:

@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import cases, compare, planning, plants, report, support
+from cranectl import log as log_files
+from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
+from cranectl.cli.info_settings import kind_of, print_rig, print_scenario
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.support import InputError, Quantity
 
 if TYPE_CHECKING:
-    from cranectl.log import Log, LogDescription
     from cranectl.scenario import ModelNames, RigParameters
     from cranectl.simulate import Run
 
@@ -47,8 +50,6 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
     cranectl info fixed-position --rig harbour-crane
     cranectl info mine.xml --set rig.plant.names.load=hook
     """
-    from cranectl.cli.info_settings import kind_of, print_rig, print_scenario
-
     kind, request = kind_of(file), request._replace(source=str(file))
     if as_is and kind != "model":
         raise InputError(
@@ -78,12 +79,10 @@ def info_command(file: Path, request: ScenarioRequest, as_is: bool, screen: Scre
 
 def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Screen) -> int:
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
-    from cranectl.plants import find_differences, open_model
-
     names = rig.model_names
-    own = open_model(file, names)
+    own = plants.open_model(file, names)
     numbers = {name: float(f"{number:g}") for name, number in own.built_in.items()}  # to be copied
-    differences = find_differences(own)
+    differences = plants.find_differences(own)
     facts = [
         ("model", file),
         *((key.replace("_", " "), name) for key, name in names if name),
@@ -134,33 +133,25 @@ def _rig_lines(
 
 def _print_log(log: Path, screen: Screen) -> None:
     """Print what a log contains."""
-    from cranectl.log import Log, LogDescription
-    from cranectl.report.run.tables import RunTables
-
-    read, description = Log.read(log), LogDescription.of(log)
+    read, description = log_files.Log.read(log), log_files.LogDescription.of(log)
     table = (_print_overlay if read.is_overlay else _print_plants)(description, read, screen)
-    screen.print(RunTables.topics(description))
+    screen.print(report.RunTables.topics(description))
     screen.write_json({**description.to_json(), **table})
 
 
 WIDEST = 4  # runs whose settings are told beside each other
 
 
-def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
+def _print_overlay(
+    description: "log_files.LogDescription", log: "log_files.Log", screen: Screen
+) -> dict[str, Any]:
     """Print what the runs of an overlay are; return it as plain data."""
-    from cranectl.cases import RunSummary
-    from cranectl.log import origins
-    from cranectl.planning import add_claims
-    from cranectl.report.run.differences import LogTables
-    from cranectl.report.run.tables import RunTables
-    from cranectl.support import Provenance
-
     runs = log.runs
     made_of: dict[str, list[str]] = {}
     for label, run in runs.items():
-        for name, origin in origins(add_claims(run.scenario)).items():
+        for name, origin in log_files.origins(planning.add_claims(run.scenario)).items():
             made_of.setdefault(f"{name}: {origin}", []).append(label)
-    software = Provenance.others({label: layer.versions for label, layer in log.layers.items()})
+    software = support.Provenance.others({label: layer.versions for label, layer in log.layers.items()})
     for name, text in (
         ("file", description.path),
         ("overlay of", ", ".join(runs)),
@@ -169,39 +160,40 @@ def _print_overlay(description: "LogDescription", log: "Log", screen: Screen) ->
         _integrity(description),
     ):
         screen.print(f"{name:12} {text}")
-    screen.print(RunTables.runs({name: [RunSummary.of(run, Path(name))] for name, run in runs.items()}))
+    screen.print(
+        report.RunTables.runs({name: [cases.RunSummary.of(run, Path(name))] for name, run in runs.items()})
+    )
     if len(runs) <= WIDEST:
-        differing = LogTables.what_differs({name: {run.plant: run} for name, run in runs.items()})
+        differing = report.LogTables.what_differs({name: {run.plant: run} for name, run in runs.items()})
         screen.print(differing or "The runs were asked for with the same settings.")
     return {"runs": [{"label": name, **_outcome(run), **_asked(run)} for name, run in runs.items()]}
 
 
-def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> dict[str, Any]:
+def _print_plants(
+    description: "log_files.LogDescription", log: "log_files.Log", screen: Screen
+) -> dict[str, Any]:
     """Print what the runs of one scenario are, and how they agree; return it as plain data."""
-    from cranectl.compare import Agreement, judge
-    from cranectl.log import origins
-    from cranectl.planning import add_claims
-    from cranectl.plants import PhysicsStep
-    from cranectl.report.run.differences import LogTables
-    from cranectl.support import Provenance
-
     runs = log.runs
     run_list = list(runs.values())
     agreements = [
-        judge(*pair) for pair in Agreement.pairs([run for run in run_list if len(run.time_ns)], runs)
+        compare.judge(*pair)
+        for pair in compare.Agreement.pairs([run for run in run_list if len(run.time_ns)], runs)
     ]
-    software = Provenance.differences(description.versions, Provenance.now())
+    software = support.Provenance.differences(description.versions, support.Provenance.now())
     scenario, design = run_list[0].scenario, f"{run_list[0].controller}, {run_list[0].drive} drives"
     facts = [
         ("file", description.path),
         ("scenario", f"{scenario.name}: {scenario.title}" if scenario.title else scenario.name),
         ("design", design),
         *((r.plant, f"{r.status.label} at {r.end_s:g} s, {len(r.time_ns)} samples") for r in run_list),
-        *(("reference", f"{name}: {origin}") for name, origin in origins(add_claims(scenario)).items()),
+        *(
+            ("reference", f"{name}: {origin}")
+            for name, origin in log_files.origins(planning.add_claims(scenario)).items()
+        ),
         ("disturbances", scenario.disturbed_by),
         ("effects", ", ".join(scenario.effects.names) or "none"),
         ("sampling", f"{scenario.control.period:g} s, one sample of {description.every} logged"),
-        *(("steps", str(PhysicsStep(r.scenario, r.drive))) for r in run_list[:1] if r.has_reference),
+        *(("steps", str(plants.PhysicsStep(r.scenario, r.drive))) for r in run_list[:1] if r.has_reference),
     ]
     for agreement in agreements:
         errors = (agreement.max_load_error_m, agreement.max_angle_error_rad)
@@ -216,18 +208,18 @@ def _print_plants(description: "LogDescription", log: "Log", screen: Screen) -> 
         _integrity(description),
     ]
     screen.print_each(f"{name:12} {text}" for name, text in facts)
-    settings = LogTables.settings({"": runs})
+    settings = report.LogTables.settings({"": runs})
     screen.print(settings if settings.rows else "All settings have their defaults.")
     return {
         **_asked(run_list[0]),
         "runs": [_outcome(run) for run in run_list],
-        "agreement": Agreement.worst(agreements).to_json() if agreements else None,
+        "agreement": compare.Agreement.worst(agreements).to_json() if agreements else None,
         "agreements": [agreement.to_json() for agreement in agreements],
         "software_differences": software,
     }
 
 
-def _integrity(description: "LogDescription") -> tuple[str, str]:
+def _integrity(description: "log_files.LogDescription") -> tuple[str, str]:
     size = f"{description.size_bytes / 1e6:.1f} MB, {description.messages} messages"
     return "integrity", f"format {description.format}, {size}; checksums and counts are right"
 

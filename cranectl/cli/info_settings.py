@@ -2,15 +2,14 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
-from cranectl.cli.command import ScenarioRequest
+from cranectl import scenario as scenario_files
 from cranectl.cli.output import Screen
-from cranectl.support import File, InputError
-
-if TYPE_CHECKING:
-    from cranectl.report.table import Table
-    from cranectl.scenario import RigOrigins
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.plants import PLANTS
+from cranectl.report import Cell, Table
+from cranectl.support import TOML, File, InputError, Tree
 
 Kind = Literal["model", "rig", "scenario", "log"]
 CONTROLLERS = (".py", ".so", ".fmu")
@@ -20,12 +19,9 @@ SHOWN = "logs (.mcap), models (.xml), rigs and scenarios (.toml, or a name in `c
 
 def kind_of(file: Path) -> Kind:
     """Return what `info` shows of a file or name; raise InputError for what it does not show."""
-    from cranectl.plants import PLANTS
-    from cranectl.scenario import RigFile, scenario_names
-
-    if not File(file).exists() and str(file) in RigFile.names():
+    if not File(file).exists() and str(file) in scenario_files.RigFile.names():
         return "rig"
-    if not File(file).exists() and str(file) in scenario_names():
+    if not File(file).exists() and str(file) in scenario_files.scenario_names():
         return "scenario"
     if file.suffix == PLANTS.MODEL_ENDING:
         return "model"
@@ -45,9 +41,6 @@ def kind_of(file: Path) -> Kind:
 
 def _kind_of_table(file: Path) -> Kind:
     """Return what a TOML file is, by its keys."""
-    from cranectl.scenario import RigParameters
-    from cranectl.support import TOML
-
     keys, path = set(TOML.read(file)), shlex.quote(str(file))
     others = {  # by a key that no other kind of file has
         "scenario": ("a campaign", f"cranectl campaign show {path}"),
@@ -61,7 +54,7 @@ def _kind_of_table(file: Path) -> Kind:
             raise InputError(f"{file} is {what}", allowed=SHOWN, remedy=remedy)
     if keys & {"reference", "duration"}:
         return "scenario"
-    if not keys or keys & {*RigParameters.model_fields, "extends"}:
+    if not keys or keys & {*scenario_files.RigParameters.model_fields, "extends"}:
         return "rig"
     raise InputError(
         f"{file} has the keys {', '.join(sorted(keys)[:5])}, of neither a rig nor a scenario",
@@ -81,15 +74,13 @@ def _is_log(file: Path) -> bool:
 
 def print_rig(request: ScenarioRequest, screen: Screen) -> None:
     """Print each number of a rig and where it comes from."""
-    from cranectl.scenario import RigOrigins
-
     if request.rig is not None:
         raise InputError(
             f"--rig {request.rig} of the rig {request.source}",
             allowed="one rig, changed by --set",
             remedy="leave out --rig",
         )
-    rig = RigOrigins.read(str(request.source), request.overrides)
+    rig = scenario_files.RigOrigins.read(str(request.source), request.overrides)
     screen.print(_rig_table(f"Rig {request.source}", rig))
     screen.print(f"{rig.stated} stated, {rig.scaled} scaled, {rig.assumed} assumed")
     if rig.scaled:
@@ -109,10 +100,7 @@ def print_rig(request: ScenarioRequest, screen: Screen) -> None:
     )
 
 
-def _rig_table(title: str, rig: "RigOrigins") -> "Table":
-    from cranectl.report.table import Cell, Table
-    from cranectl.support import Tree
-
+def _rig_table(title: str, rig: "scenario_files.RigOrigins") -> Table:
     rows = (
         Cell.row(n.name, Tree(n.value).text(), Cell(n.origin, "" if n.is_stated else "open"), n.meaning)
         for n in rig.numbers
@@ -123,9 +111,6 @@ def _rig_table(title: str, rig: "RigOrigins") -> "Table":
 
 def print_scenario(request: ScenarioRequest, screen: Screen) -> None:
     """Print what a scenario asks for, without planning its motions."""
-    from cranectl.report.table import Cell, Table
-    from cranectl.support import Tree
-
     scenario = request.read()
     segments = [segment.kind for segment in scenario.reference.segments]
     start = ", ".join(f"{number:g}" for number in scenario.reference.start)

@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import cases, compare, report
+from cranectl import log as log_files
 from cranectl.cli.command import Command, CommandGroup, OutputFile
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
+from cranectl.plants import PLANTS
+from cranectl.signals import SignalGroup
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import robustness
 from cranectl.tools.measured.commands.import_logs import import_log
 
 if TYPE_CHECKING:
@@ -47,11 +52,9 @@ def export_log(log: Path, format_name: str | None, patterns: tuple[str, ...], ou
     cranectl log export logs/fixed-position/lqr-ideal.mcap
     cranectl log export logs/fixed-position/lqr-ideal.mcap --signals 'mujoco.state.*' --out run.mat
     """
-    from cranectl.log import Exporter, Log
-
-    exporter = Exporter.choose(format_name, out)
+    exporter = log_files.Exporter.choose(format_name, out)
     path = out or log.parent / f"{log.stem}.{exporter.name}"
-    runs = Log.read(log)
+    runs = log_files.Log.read(log)
     exporter.kind.check_place(path, inputs=[log], option="--out")
     table = runs.table(patterns)
     exporter.save(table, path)
@@ -91,23 +94,17 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
     cranectl log layout comparison view.json --log logs/harbour/lqr-ideal.mcap
     cranectl log layout overlay view.json --log logs/fixed-position/overlay.mcap
     """
-    from cranectl.log import Log
-    from cranectl.plants import PLANTS
-    from cranectl.report.viewer_layouts import layout_json
-
-    shown = Log.read(log) if log else Log({})
+    shown = log_files.Log.read(log) if log else log_files.Log({})
     runs = shown.runs
     rigs = [run.scenario.limited_rig for run in runs.values()]
     labels = tuple(runs) if shown.is_overlay else ()
     if name == "ladder" and not labels:
-        from cranectl.tools.robustness.levels import NAMES
-
-        labels = NAMES
+        labels = robustness.NAMES
     plants = PLANTS.of_logs(plants, () if labels else runs)
     if runs and not labels:
         plants = plants or tuple(runs)
     design = shown.first.run.design if runs else None
-    content = layout_json(
+    content = report.layout_json(
         name,
         plants=plants,
         labels=labels,
@@ -122,15 +119,14 @@ def write_layout(name: str, out: Path, plants: tuple[str, ...], log: Path | None
 
 def _signals_without_reference(runs: Mapping[str, "Run"]) -> set[str] | None:
     """Return topic and field of all signals of runs without a reference; None if all runs have one."""
-    from cranectl.log import Topics
-    from cranectl.signals import SignalGroup
-
     if all(run.has_reference for run in runs.values()):
         return None
-    between = dict.fromkeys((Topics.DISTANCE.name, Topics.STEP), Topics.DISTANCE)
+    between = dict.fromkeys(
+        (log_files.Topics.DISTANCE.name, log_files.Topics.STEP), log_files.Topics.DISTANCE
+    )
     between["reference"] = SignalGroup.REFERENCE
     groups = {
-        Topics(label).of(name): group
+        log_files.Topics(label).of(name): group
         for label, run in runs.items()
         for name, group in [*between.items(), *((group.name, group) for group in run.groups)]
     }
@@ -156,12 +152,7 @@ def overlay_logs(
     cranectl log overlay logs/fixed-position/lqr-ideal.mcap logs/fixed-position/pole-placement-ideal.mcap
     cranectl log overlay stiff.mcap soft.mcap --label stiff,soft --out both.mcap
     """
-    from cranectl.cases import Case
-    from cranectl.compare import Comparison
-    from cranectl.log import Log
-    from cranectl.report.run.differences import DifferenceTables
-
-    gathered = Log.gather(logs, labels=labels, plants=plants)
+    gathered = log_files.Log.gather(logs, labels=labels, plants=plants)
     runs = gathered.runs
     if len(runs) < 2:
         raise InputError(
@@ -169,14 +160,14 @@ def overlay_logs(
             allowed="two runs or more",
             remedy="name another log, or the plants of this one with --plants all",
         )
-    path = out or Case.LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
+    path = out or cases.Case.LOG_DIRECTORY / next(iter(runs.values())).scenario.name / "overlay.mcap"
     FileKind.MCAP.check_place(path, inputs=logs, option="--out")
-    comparisons = Comparison.against_first(runs)
+    comparisons = compare.Comparison.against_first(runs)
     gathered.write_overlay(path)
     scenarios = dict.fromkeys(run.scenario.name for run in runs.values())
     if len(scenarios) > 1:
         screen.print(Screen.styled(f"scenarios differ: {', '.join(scenarios)}", "yellow"))
-    screen.print(DifferenceTables.distances(next(iter(runs)), comparisons))
+    screen.print(report.DifferenceTables.distances(next(iter(runs)), comparisons))
     screen.print(f"log: {path}")
     screen.print(f"view: cranectl log layout overlay view.json --log {shlex.quote(str(path))}")
     compared = [comparison.to_json() for comparison in comparisons.values()]
@@ -198,9 +189,7 @@ def recover_log_command(file: Path, out: Path | None, screen: Screen) -> None:
     \b
     cranectl log recover logs/fixed-position/lqr-ideal.mcap.4711.part
     """
-    from cranectl.log import recover_log
-
-    recovery = recover_log(file, out)
+    recovery = log_files.recover_log(file, out)
     screen.print(f"{recovery.messages} messages of {file} are whole")
     for run in recovery.runs:
         expected = f" of {run.expected}" if run.expected is not None else ""

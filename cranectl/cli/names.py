@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import click
 
 from cranectl.cli.completion import Completion
+from cranectl.plants import PLANTS
 from cranectl.support import InputError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -76,8 +77,6 @@ def _plants(
     names = Names.split(context, parameter, texts)
     if not names or context.resilient_parsing:
         return ()
-    from cranectl.plants import PLANTS
-
     PLANTS.forget_model_files()  # those of an earlier command in this process
     named, able = tuple(PLANTS if names in PLANTS.ALL else (PLANTS.find(name).name for name in names)), []
     if names not in PLANTS.ALL:

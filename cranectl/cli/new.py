@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import loaders
+from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.counts import Count
+from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
 from cranectl.support import File, InputError
+from cranectl.tools import measured as measured_cranes
 
 if TYPE_CHECKING:
-    from cranectl.report.table import Table
     from cranectl.simulate import Run
 
 MAP = "map"  # of measured files; NAME is such a file
@@ -87,28 +91,24 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _propose(name, directory, seed or 0, period)
         return
     if kind == MAP:
-        from cranectl.tools.measured.suggestion import suggest_map
-
-        _write({directory / f"{Path(name).stem}-map.toml": suggest_map(Path(name))})
+        _write({directory / f"{Path(name).stem}-map.toml": measured_cranes.suggest_map(Path(name))})
         return
-    from cranectl.loaders.c_controller import HEADER, compile_command
-
     InputError.check_name(kind, name)
     module = name.replace("-", "_")
     stem = module if kind.endswith("controller") else name
     templates = {
         f"{stem}.{ENDINGS[kind]}": TEMPLATES / f"{kind}.{ENDINGS[kind]}.txt",
         f"test_{module}.py": TEMPLATES / f"test_{kind}.py.txt",
-        **({HEADER.name: HEADER} if ENDINGS[kind] == "c" else {}),
+        **({loaders.HEADER.name: loaders.HEADER} if ENDINGS[kind] == "c" else {}),
     }
     texts = {
         directory / file: re.sub("NAME", name, re.sub("MODULE", module, template.read_text(encoding="utf-8")))
         for file, template in templates.items()
     }
-    _write(texts, shared=HEADER.name)
+    _write(texts, shared=loaders.HEADER.name)
     if ENDINGS[kind] == "c":
         source = directory / f"{stem}.c"
-        click.echo(f"compile it: {compile_command(source)}")
+        click.echo(f"compile it: {loaders.compile_command(source)}")
         library = shlex.quote(str(source.with_suffix(".so")))
         click.echo(f"run it: cranectl run fast-diagonal --controller {library}")
     if find_spec("pytest") is None:
@@ -119,28 +119,24 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:
     """Write the set-points of an experiment and the map of its recordings, and print what it tells."""
-    from cranectl.cli.output import Screen
-    from cranectl.scenario import RigFile
-    from cranectl.tools.measured.programme import Programme
-    from cranectl.tools.measured.report import IdentificationReport
-    from cranectl.tools.measured.suggestion import run_name
-
-    rig, name, screen = RigFile.load(rig_name), run_name(Path(rig_name).stem), Screen()
-    runs = Programme.runs(rig, seed=seed, period=period)
+    rig, screen = scenario_files.RigFile.load(rig_name), Screen()
+    name = measured_cranes.run_name(Path(rig_name).stem)
+    runs = measured_cranes.Programme.runs(rig, seed=seed, period=period)
     base = Path(relpath(rig_name, directory)).as_posix() if Path(rig_name).is_file() else rig_name
     mapping = directory / f"{name}-map.toml"
     texts = {
-        directory / f"{name}-run-{k}.csv": Programme.set_points_text(run) for k, run in enumerate(runs, 1)
+        directory / f"{name}-run-{k}.csv": measured_cranes.Programme.set_points_text(run)
+        for k, run in enumerate(runs, 1)
     }
     starts = ("{:.4g}, {:.4g} and {:.4g} m".format(*run.state.axes[0]) for run in runs)
     notes = [
         f"# Run {k} begins with bridge, trolley and rope at {place}.\n" for k, place in enumerate(starts, 1)
     ]
-    _write({**texts, mapping: "".join(notes) + Programme.recording_map(name, base)})
+    _write({**texts, mapping: "".join(notes) + measured_cranes.Programme.recording_map(name, base)})
     screen.print(programme_table(runs))
-    estimates, unidentifiable = Programme.predict_estimates(runs[:-1], rig)
+    estimates, unidentifiable = measured_cranes.Programme.predict_estimates(runs[:-1], rig)
     title = f"At best, from runs 1 to {len(runs) - 1}: if the crane is as the model, with the rig's encoders"
-    screen.print(IdentificationReport.estimates(estimates, title))
+    screen.print(measured_cranes.IdentificationReport.estimates(estimates, title))
     if unidentifiable:
         names = ", ".join(unidentifiable)
         screen.print(f"not identifiable, with intervals as large as the numbers: {names}")
@@ -149,12 +145,9 @@ def _propose(rig_name: str, directory: Path, seed: int, period: float | None) ->
     screen.print(f"  cranectl identify RECORDED*.csv {options}")
 
 
-def programme_table(runs: "Sequence[Run]") -> "Table":
+def programme_table(runs: "Sequence[Run]") -> Table:
     """Return where each run begins, how long it takes, and how fast and how far the crane moves."""
     import numpy as np
-
-    from cranectl.report.table import Cell, Table
-    from cranectl.tools.measured.programme import Programme
 
     rows = [
         Cell.row(
@@ -162,7 +155,7 @@ def programme_table(runs: "Sequence[Run]") -> "Table":
             *(f"{position:.4g}" for position in run.state.axes[0]),
             f"{run.scenario.duration:.1f}",
             *(f"{speed:.3g}" for speed in np.abs(run.commands).max(axis=0)),
-            f"{np.degrees(Programme.largest_swing(run).max()):.1f}",
+            f"{np.degrees(measured_cranes.Programme.largest_swing(run).max()):.1f}",
         )
         for k, run in enumerate(runs, 1)
     ]

@@ -19,14 +19,14 @@ from rich.table import Column
 from rich.table import Table as ScreenTable
 from rich.text import Text
 
-from cranectl.report.table import Table
+from cranectl import report, support
+from cranectl.report import Table
 from cranectl.support import File, in_background, printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
-    from cranectl.report.page import Page
-    from cranectl.support import JUnitCase
+    from cranectl.report import Page
 
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 REPEATED_AFTER = 12  # as many times, a minute, until a line that has not changed is printed again
@@ -72,9 +72,7 @@ class Screen(Console):
         """Write `data` to the requested file, if any; `-` is standard output."""
         if self._json_file is None:
             return
-        from cranectl.support import Tree
-
-        text = json.dumps(Tree(data).mapped(_finite), indent=2)
+        text = json.dumps(support.Tree(data).mapped(_finite), indent=2)
         if self._json_file == "-":
             print(text)
             return
@@ -89,19 +87,15 @@ class Screen(Console):
 
     def save_figure(self, figure: Any, path: Path) -> None:
         """Draw a figure into a file and print where it is."""
-        from cranectl.report.theme import Chart
-
-        Chart.save(figure, path)
+        report.Chart.save(figure, path)
         self.print(f"picture: {path}")
 
     def save_junit(
-        self, cases: "Sequence[JUnitCase]", path: Path, command: str = "cranectl validate"
+        self, cases: "Sequence[support.JUnitCase]", path: Path, command: str = "cranectl validate"
     ) -> None:
         """Write JUnit XML and print where it is."""
-        from cranectl.support import JUnitCase
-
         with File(path).writing():
-            File(path).write_text(JUnitCase.document(cases, command))
+            File(path).write_text(support.JUnitCase.document(cases, command))
         self.print(f"JUnit: {path}")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:

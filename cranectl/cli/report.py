@@ -5,11 +5,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import log as log_files
+from cranectl import report, support
 from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import render, thesis
 
 MAX_LOGS = 4  # as many as there are colours
 
@@ -40,9 +43,7 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
     if figures is not None:
         _check_directory(figures)
     if not logs:
-        from cranectl.tools.thesis.command import run_thesis
-
-        return run_thesis(Screen(), out or Path("thesis.html"), figures)
+        return thesis.run_thesis(Screen(), out or Path("thesis.html"), figures)
     _check_number(len(logs))
     name = "-and-".join(label.replace("/", "-") for label in Names.of_files(logs))
     _report_logs(logs, out or logs[0].parent / f"{name}.html", figures)
@@ -50,15 +51,10 @@ def report_command(logs: tuple[Path, ...], out: Path | None, figures: Path | Non
 
 
 def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> None:
-    from cranectl.log import Log
-    from cranectl.report.run.page import LogPage
-    from cranectl.support import Provenance
-    from cranectl.tools.render.draw import draw_worst_moment
-
     of_logs: dict[str, dict[str, Run]] = {}
     versions = {}
     for label, log in zip(Names.of_files(logs), logs, strict=True):
-        read = Log.read(log)
+        read = log_files.Log.read(log)
         if not read.is_overlay:
             of_logs[label], versions[label] = read.runs, read.first.versions
             continue
@@ -70,15 +66,15 @@ def _report_logs(logs: tuple[Path, ...], out: Path, figures: Path | None) -> Non
     notes = [
         f"{', '.join(of)} {'was' if len(of) == 1 else 'were'} made by other software than is installed: "
         f"{difference}"
-        for difference, of in Provenance.others(versions).items()
+        for difference, of in support.Provenance.others(versions).items()
     ]
     worst = {}
     try:
         for label, runs in of_logs.items():
-            worst[label] = draw_worst_moment(runs)
+            worst[label] = render.draw_worst_moment(runs)
     except InputError as error:
         notes.append(f"No picture of the crane: {error.found}")
-    page = LogPage.of(of_logs, Command.given(), notes, versions=versions, worst=worst)
+    page = report.LogPage.of(of_logs, Command.given(), notes, versions=versions, worst=worst)
     screen = Screen()
     screen.print_each(notes)
     screen.save_page(page, out)

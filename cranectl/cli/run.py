@@ -6,17 +6,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import cases, report
+from cranectl import scenario as scenario_files
+from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import fmi_option, refuse_fmi
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.plants import DRIVES, PLANTS
 from cranectl.support import File, FileKind, InputError
+from cranectl.tools import export as exports
 
 if TYPE_CHECKING:
-    from cranectl.cases import Case
     from cranectl.scenario import RigParameters
 
 
@@ -55,11 +59,7 @@ def run_command(
     cranectl run my-scenario.toml --rig my-crane.toml --drive velocity
     cranectl run fast-diagonal --plants analytic --drive velocity --fmu crane.fmu
     """
-    from cranectl.cases import Case
-    from cranectl.plants import DRIVES
-    from cranectl.report.run.tables import RunTables
-
-    case = Case.of(
+    case = cases.Case.of(
         request.load(),
         controller=controller,
         drive=DRIVES.checked(drive),
@@ -74,20 +74,20 @@ def run_command(
     replaced = " (in place of the one that was there)" if case.log.exists() else ""
     with Screen.progress_bar(case.simulated_seconds, f"{case.scenario.name}, {case.controller}") as advance:
         result = case.run(progress=advance)
-    screen.print(RunTables.runs({case.log.stem: result.runs}))
-    notes = filter(None, [case.scenario.rig.fixed_note, *case.left_out, *RunTables.run_notes([result])])
-    screen.print_each(notes, indent="  ")
+    screen.print(report.RunTables.runs({case.log.stem: result.runs}))
+    notes = [case.scenario.rig.fixed_note, *case.left_out, *report.RunTables.run_notes([result])]
+    screen.print_each(filter(None, notes), indent="  ")
     if beyond := [run.beyond_drives for run in result.runs if run.beyond_drives]:
         screen.print(Screen.styled(f"  {case.scenario.name} {beyond[0]}", "yellow"))
     uses = [(plant, case.drive, case.controller) for plant in case.plants]
     idle = IdleSettings.lines(case.scenario, request, uses)
     IdleSettings.print(screen, [*idle, *IdleSettings.timeout_lines([case.controller], timeout)])
-    screen.print(RunTables.metrics({"": result.runs}))
-    if (limits := RunTables.limits([result.runs])) is not None:
+    screen.print(report.RunTables.metrics({"": result.runs}))
+    if (limits := report.RunTables.limits([result.runs])) is not None:
         screen.print(limits)
     if result.agreements:
-        screen.print(RunTables.agreement(result.agreements))
-        screen.print_each(RunTables.limit_notes(result.agreements), indent="  ")
+        screen.print(report.RunTables.agreement(result.agreements))
+        screen.print_each(report.RunTables.limit_notes(result.agreements), indent="  ")
     screen.print(f"log: {case.log}{replaced}")
     if fmu is not None:
         screen.print(f"exported: {fmu}, the {case.plants[0]} plant with {drive} drives")
@@ -111,27 +111,23 @@ def run_command(
     return ExitCode.GOOD if result.passed else ExitCode.LIMIT_EXCEEDED
 
 
-def _write_fmu(case: "Case", path: Path, fmi: str | None) -> None:
+def _write_fmu(case: "cases.Case", path: Path, fmi: str | None) -> None:
     """Write the plant of a case as an FMU; raise InputError if that is not possible."""
-    from cranectl.tools.export.fmu import fmu_archive
-    from cranectl.tools.export.plant import plant_model
-
     if len(case.plants) > 1:
         raise InputError(
             f"--fmu of {len(case.plants)} plants: {', '.join(case.plants)}",
             allowed="one plant, analytic or elastic",
             remedy="name one: --plants analytic",
         )
-    content = fmu_archive(plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2))
+    content = exports.fmu_archive(
+        exports.plant_model(case.scenario, case.plants[0], case.drive), int(fmi or 2)
+    )
     with File(path).writing(), File(path).replacing() as part:
         part.write_bytes(content)
 
 
 def _layout_for(plants: tuple[str, ...], rig: "RigParameters", log: Path) -> str:
     """Return the arguments of `cranectl log layout` for a log of `plants`."""
-    from cranectl.plants import PLANTS
-    from cranectl.scenario import Drawing
-
     name = "single" if len(plants) == 1 else "comparison"
-    is_usual = Drawing(rig).is_as_filed and plants == PLANTS.by_default
+    is_usual = scenario_files.Drawing(rig).is_as_filed and plants == PLANTS.by_default
     return f"{name} view.json" + ("" if is_usual else f" --log {shlex.quote(str(log))}")

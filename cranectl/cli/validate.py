@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import cases as case_runs
+from cranectl import log as log_files
+from cranectl import metrics, simulate
+from cranectl import report as pages
+from cranectl import scenario as scenario_files
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
@@ -15,16 +20,18 @@ from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.cli.validate_results import print_results
-from cranectl.support import File, FileKind, InputError
+from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.plants import DRIVES, PLANTS, Drive
+from cranectl.support import TOML, File, FileKind, InputError
+from cranectl.tools import render
 from cranectl.tools.measured.commands.files import MeasuredRuns
 from cranectl.tools.measured.commands.verdict import is_measured, judge_runs
 
 if TYPE_CHECKING:
-    from cranectl.cases import Case, Failure, Pairwise, Validation
-    from cranectl.plants import Drive
-    from cranectl.report.page import Page
-    from cranectl.scenario import RigParameters, Scenario
+    from cranectl.report import Page
+    from cranectl.scenario import Scenario
 
 
 @click.command("validate", cls=Command)
@@ -110,11 +117,6 @@ def validate_command(
             scenarios, request.rig, map_file=map_file, sheets=sheets, tolerance=tolerance, junit=junit,
             report=report, screen=screen,
         )  # fmt: skip
-    from cranectl.cases import Pairwise
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.report.run.differences import DifferenceTables
-    from cranectl.simulate import Loop
-
     names = ALL_CONTROLLERS.chosen(controllers)
     sources = Counter(_sources(scenarios))
     screen.print_each(
@@ -128,8 +130,8 @@ def validate_command(
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
-    pairs = Pairwise.of(validation) if pairwise else None
-    screen.print_each(DifferenceTables.pairs(pairs) if pairs and pairs.pairs else ())
+    pairs = case_runs.Pairwise.of(validation) if pairwise else None
+    screen.print_each(pages.DifferenceTables.pairs(pairs) if pairs and pairs.pairs else ())
     print_results(validation, code, out, screen, details=details)
     idle = IdleSettings.timeout_lines(names, timeout)
     for source, scenario in loaded.items():
@@ -142,7 +144,7 @@ def validate_command(
     options = [
         *(("--rig", str(request.rig)) if request.rig else ()),
         *(part for override in request.overrides for part in ("--set", override)),
-        *(("--timeout", f"{timeout:g}") if timeout != Loop.TIMEOUT else ()),
+        *(("--timeout", f"{timeout:g}") if timeout != simulate.Loop.TIMEOUT else ()),
     ]
     if junit is not None:
         screen.save_junit(validation.junit_cases(options), junit)
@@ -162,23 +164,20 @@ def _cases(
     pairwise: bool,
     timeout: float,
     stated: bool,
-) -> list["Case"]:
+) -> list["case_runs.Case"]:
     """Return a case for each scenario, controller and drive, with logs in `out` that all differ.
 
     Controllers that are not `stated` by the user are the usual ones.
     """
-    from cranectl.cases import Case
-    from cranectl.plants import DRIVES, Drive
-
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (DRIVES.checked(drive),)
     cases = [
-        Case.of(
+        case_runs.Case.of(
             scenario,
             controller=name,
             drive=kind,
             plants=plants,
-            log=Case.log_in(out, scenario, name, kind),
+            log=case_runs.Case.log_in(out, scenario, name, kind),
             source=source,
             keep=keep,
             pairwise=pairwise,
@@ -188,7 +187,7 @@ def _cases(
         for name in (controllers if stated else _usual_or_own(scenario, controllers))
         for kind in _common_drives(scenario.rig, plants, drives)
     ]
-    Case.check_logs_differ(cases)
+    case_runs.Case.check_logs_differ(cases)
     return cases
 
 
@@ -198,43 +197,41 @@ def _usual_or_own(scenario: "Scenario", usual: Sequence[str]) -> Sequence[str]:
 
 
 def _run(
-    cases: Sequence["Case"],
-    unloaded: Mapping[str, "Failure"],
+    cases: Sequence["case_runs.Case"],
+    unloaded: Mapping[str, "case_runs.Failure"],
     plants: tuple[str, ...],
     out: Path,
     jobs: int | None,
-) -> "Validation":
+) -> "case_runs.Validation":
     """Run all cases under a bar of progress."""
-    from cranectl.cases import Validation
-    from cranectl.plants import PLANTS
-
     used = {plant for case in cases for plant in case.plants}
     chosen = PLANTS.in_order(used) or plants or PLANTS.by_default
     if cases:
         FileKind.MCAP.check_place(out / "any.mcap", option="--out")  # once, not by every case
     with Screen.progress_bar(sum(case.simulated_seconds for case in cases)) as advance:
 
-        def done(case: "Case") -> None:
+        def done(case: "case_runs.Case") -> None:
             advance(case.simulated_seconds, f"{case.scenario.name}, {case.controller}")
 
-        return Validation.run(cases, unloaded, chosen, jobs=jobs or Count.available_cores(), done=done)
+        return case_runs.Validation.run(
+            cases, unloaded, chosen, jobs=jobs or Count.available_cores(), done=done
+        )
 
 
 def _page(
-    validation: "Validation", options: Sequence[str], pairs: "Pairwise | None", screen: Screen
+    validation: "case_runs.Validation",
+    options: Sequence[str],
+    pairs: "case_runs.Pairwise | None",
+    screen: Screen,
 ) -> "Page":
     """Return the page, with a picture of the worst moment of each scenario whose log is kept."""
-    from cranectl.log import read_log
-    from cranectl.report.validation import ValidationPage
-    from cranectl.tools.render.draw import draw_worst_moment
-
     moments = {}
     try:
-        for source, log in ValidationPage.worst_logs(validation).items():
-            moments[source] = draw_worst_moment(read_log(log))
+        for source, log in pages.ValidationPage.worst_logs(validation).items():
+            moments[source] = render.draw_worst_moment(log_files.read_log(log))
     except InputError as error:
         screen.print(f"report: no picture of the crane: {error.found}")
-    return ValidationPage.of(validation, options, Command.given(), pairs, moments)
+    return pages.ValidationPage.of(validation, options, Command.given(), pairs, moments)
 
 
 def _sources(names: Sequence[str]) -> list[str]:
@@ -242,10 +239,8 @@ def _sources(names: Sequence[str]) -> list[str]:
 
     Without names, these are all shipped scenarios.
     """
-    from cranectl.scenario import scenario_names
-
     if not names:
-        return scenario_names()
+        return scenario_files.scenario_names()
     sources = []
     for name in names:
         if not File(Path(name)).exists() or not Path(name).is_dir():
@@ -264,44 +259,37 @@ def _sources(names: Sequence[str]) -> list[str]:
 
 
 def _is_rig_or_campaign(file: Path) -> bool:
-    from cranectl.scenario import RigParameters
-    from cranectl.support import TOML
-
     try:
         keys = set(TOML.read(file))
     except InputError:  # told when it is loaded
         return False
-    return "scenario" in keys or keys <= {*RigParameters.model_fields, "extends"}
+    return "scenario" in keys or keys <= {*scenario_files.RigParameters.model_fields, "extends"}
 
 
-def _common_drives(rig: "RigParameters", names: Sequence[str], drives: Sequence["Drive"]) -> list["Drive"]:
+def _common_drives(
+    rig: "scenario_files.RigParameters", names: Sequence[str], drives: Sequence[Drive]
+) -> list[Drive]:
     """Return those of `drives` that all plants to run have, or else the last one, which is then refused."""
-    from cranectl.plants import PLANTS
-
     entries = [PLANTS.find(name, rig) for name in PLANTS.to_run(names, rig)]
     return [drive for drive in drives if all(drive in entry.drives for entry in entries)] or [*drives[-1:]]
 
 
 def _loaded(
     request: ScenarioRequest, names: Sequence[str], plants: Sequence[str]
-) -> tuple[dict[str, "Scenario"], dict[str, "Failure"]]:
+) -> tuple[dict[str, "Scenario"], dict[str, "case_runs.Failure"]]:
     """Return scenarios by name, and why others cannot be loaded."""
-    from cranectl.cases import Failure
-    from cranectl.metrics import Limits
-    from cranectl.plants import PLANTS
-
     loaded, unloaded = {}, {}
     for name in names:
         try:
             scenario = request._replace(source=name).load()
-            Limits.by_plant(scenario, PLANTS.to_run(plants, scenario.rig))
+            metrics.Limits.by_plant(scenario, PLANTS.to_run(plants, scenario.rig))
             loaded[name] = scenario
         except Exception as error:
-            unloaded[name] = Failure.of(error)
+            unloaded[name] = case_runs.Failure.of(error)
     return loaded, unloaded
 
 
-def _exit_code(validation: "Validation") -> int:
+def _exit_code(validation: "case_runs.Validation") -> int:
     """Return the most serious code; a run that stops as its scenario expects is good."""
     if validation.outcome.interrupted:
         return ExitCode.INTERRUPTED

@@ -7,33 +7,32 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import report
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.cases import Failure, Validation
     from cranectl.compare import Agreement
-    from cranectl.report.table import Table
+    from cranectl.report import Table
 
 SHOWN_FAILURES = 10  # failures, broken limits and notes shown on the screen
 
 
 def print_results(validation: "Validation", code: int, out: Path, screen: Screen, *, details: bool) -> None:
     """Print the results of the cases, and on standard error why some could not be run."""
-    from cranectl.report.run.tables import RunTables
-
     finished, missing = validation.finished, validation.without_result
     if finished or missing:
         agreements, runs = validation.agreements, validation.runs
         unjudged = sum(agreement.passed is None for agreement in agreements)
         if details:
-            screen.print(RunTables.agreement(agreements, validation.other_failures))
+            screen.print(report.RunTables.agreement(agreements, validation.other_failures))
         else:
             screen.print_each(agreement_lines(agreements, validation.other_failures))
         judged = [result.runs for result in validation.judged]
-        if (limits := RunTables.limits(judged, worst=SHOWN_FAILURES)) is not None:
+        if (limits := report.RunTables.limits(judged, worst=SHOWN_FAILURES)) is not None:
             screen.print(limits if limits.rows else limits.note)
-        notes = [*RunTables.limit_notes(agreements), *RunTables.run_notes(finished)]
+        notes = [*report.RunTables.limit_notes(agreements), *report.RunTables.run_notes(finished)]
         screen.print_each(notes[:SHOWN_FAILURES], indent="  ")
         if len(notes) > SHOWN_FAILURES:
             screen.print(f"  and {len(notes) - SHOWN_FAILURES} more notes, in --report FILE")
@@ -55,12 +54,10 @@ def print_results(validation: "Validation", code: int, out: Path, screen: Screen
 
 def agreement_lines(agreements: "Sequence[Agreement]", others: Sequence[str] = ()) -> "Iterator[Table | str]":
     """Yield a table with one row for each scenario, and one of the plants that disagree."""
-    from cranectl.report.run.tables import RunTables
-
     if agreements:  # a single plant has none
-        yield RunTables.agreement_summary(agreements, others)
+        yield report.RunTables.agreement_summary(agreements, others)
     if failed := [agreement for agreement in agreements if agreement.passed is False]:
-        table = RunTables.agreement(failed[:SHOWN_FAILURES])
+        table = report.RunTables.agreement(failed[:SHOWN_FAILURES])
         yield replace(table, title=f"Plants that disagree: {len(failed)}")
         if len(failed) > SHOWN_FAILURES:
             yield f"  and {len(failed) - SHOWN_FAILURES} more, with --details"

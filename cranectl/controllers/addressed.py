@@ -18,7 +18,7 @@ from cranectl.controllers.registry import OPEN
 from cranectl.model import AxisMasses, flat_output, movable_masses
 from cranectl.signals import COLUMN
 from cranectl.status import RunStatus
-from cranectl.support import Array, CompiledStep, InputError, jit
+from cranectl.support import Array, CompiledStep, ForeignCode, InputError, jit
 
 SLACK_ROPE = int(RunStatus.SLACK_ROPE)
 NON_FINITE = int(RunStatus.NON_FINITE)
@@ -88,8 +88,6 @@ class CompiledController(NamedTuple):
         """Return the controller with the address of its step in this process."""
         if self.address:
             return self
-        from cranectl.support import ForeignCode
-
         # Not before: an address is good in one process only, and a controller may be prepared in another.
         entry, sizes = OPEN.entries[self.entry]
         with ForeignCode.environment_kept():
@@ -117,8 +115,6 @@ def _compiled(controller: Controller) -> int:
         ) from error
     if controller.origin is None:
         return address
-    from cranectl.support import ForeignCode
-
     return ForeignCode.keeping_environment(address)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cranectl.controllers.controller import MAX_MEMORY, Controller, LinearController, Nominal
 from cranectl.scenario import nanoseconds
-from cranectl.support import Array, InputError
+from cranectl.support import Array, ForeignCode, InputError
 
 LINEAR = "a linearise(nominal, rope_length) that returns a cranectl.controllers.controller.LinearController"
 PAIR = "a prepare(nominal) that returns (parameters, memory), two arrays of at most a million numbers"
@@ -89,8 +89,6 @@ def _run_own_code(
     """Return what a function returns; turn exceptions of code that is not ours into InputError."""
     if str(getattr(function, "__module__", "")).partition(".")[0] == __name__.partition(".")[0]:
         return function(*arguments)
-    from cranectl.support import ForeignCode
-
     try:
         with ForeignCode.contained(f"{name} of {controller.name} has been running"):
             return function(*arguments)

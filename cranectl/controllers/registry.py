@@ -11,6 +11,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from cranectl import support
 from cranectl.design import CONTROLLERS as FLAT_FAMILY
 from cranectl.design import TITLES as FLAT_TITLES
 from cranectl.support import Extensions, InputError
@@ -54,10 +55,8 @@ class OpenControllers:
     @property
     def folder(self) -> Path:
         """Folder with copies of files. It exists while this process runs, or the parent that shares it."""
-        from cranectl.support import temporary_directory
-
         if self._folder is None or not self._folder.is_dir():
-            self._folder = temporary_directory("controllers")
+            self._folder = support.temporary_directory("controllers")
         return self._folder
 
     def share(self, names: Iterable[str] | None = None) -> SharedControllers:
@@ -198,21 +197,19 @@ class Controllers(Mapping[str, "Controller"]):
 
     def digests(self, names: Iterable[str]) -> dict[str, str]:
         """Return the short digest of each controller that comes from a file, by the key `law NAME`."""
-        from cranectl.support import Provenance
-
         return {
-            f"law {controller.name}": controller.code[: Provenance.DIGITS]
+            f"law {controller.name}": controller.code[: support.Provenance.DIGITS]
             for controller in _registered(names)
             if controller.code
         }
 
     def sources(self, names: Iterable[str]) -> dict[str, str]:
         """Return source digests of those of `names` that a module has registered in this process."""
-        from cranectl.support import Provenance
-
         own = [controller for controller in _registered(names) if not controller.origin]
         functions = [function for controller in own for function in (controller.step, controller.prepare)]
-        return Provenance.sources_of(getattr(function, "__module__", "cranectl") for function in functions)
+        return support.Provenance.sources_of(
+            getattr(function, "__module__", "cranectl") for function in functions
+        )
 
     def run_alone(self, names: Iterable[str]) -> bool:
         """Return True if any of these controllers can serve only one run at a time."""
@@ -238,9 +235,8 @@ def register_controller(controller: "Controller") -> None:
         If another controller has its name, or it is no Controller.
     """
     from cranectl.controllers.controller import Controller
-    from cranectl.support import Arguments
 
-    Arguments.check("controller", controller, Controller)
+    support.Arguments.check("controller", controller, Controller)
     if OPEN.registered.get(controller.name) is controller:  # several test files may register the same one
         return
     InputError.check_name("controller", controller.name, taken=ALL_CONTROLLERS)

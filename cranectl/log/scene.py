@@ -13,6 +13,7 @@ import numpy as np
 from foxglove import messages as fg
 from numpy.typing import NDArray
 
+from cranectl import plants as plant_models
 from cranectl.log.events import disturbance_times
 from cranectl.log.topics import Stream, Topics
 from cranectl.metrics import NEARLY_SLACK
@@ -126,13 +127,11 @@ def _tree(run: Run, time_ns: NDArray[np.int64]) -> tuple[Rows, Rows, Rows]:
 
 def model(plant: str, rig: RigParameters, opacity: float, *, colour: str | None = None) -> Stream:
     """Return the solids of the rig in one message; a ghost has one colour and no frame of the rig."""
-    from cranectl.plants import rig_solids  # here: reading a log does not need MuJoCo
-
     ghost = opacity < 1.0
     tint = Palette.VIEWER.rgb(colour or PLANTS.entry(plant).colour) if ghost else None
     inset = 2.0 * GHOST_INSET * Drawing(rig).scale if ghost else 0.0
     entities: dict[str, dict[str, list[object]]] = {}
-    for solid in rig_solids(rig):
+    for solid in plant_models.rig_solids(rig):
         if ghost and solid.body == "frame":
             continue
         name, primitive, more = PRIMITIVES[solid.kind]

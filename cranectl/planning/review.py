@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.planning import describe_planning, plan_motions
 from cranectl.planning.checks import least_times
 from cranectl.planning.limits import Constraint, constraints, key_of, limits_of, motion
+from cranectl.planning.motions import describe_planning, plan_motions
 from cranectl.planning.problem import ToLoad, series_along
 from cranectl.planning.proof import Proof, prove
 from cranectl.planning.shortest import DEGREE_9_COEFFICIENTS, TIME_LAW_DEGREE

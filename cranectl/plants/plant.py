@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
+from cranectl import scenario as scenario_files
+from cranectl import support
 from cranectl.support import InputError
 
 if TYPE_CHECKING:
@@ -111,19 +113,16 @@ def check_rate(rate: float, effects: "EffectSettings", length: float, *, step: f
     `length` [m] long.
     """
     if rate * step > MAX_RATE_STEP:
-        from cranectl.scenario import Scenario, longest_step
-        from cranectl.support import Quantity
-
-        enough = longest_step(period, MAX_RATE_STEP / rate)
+        enough = scenario_files.longest_step(period, MAX_RATE_STEP / rate)
         raise StepError(
             f"a crane with {', '.join(effects.names)} and {length:g} m of rope: something vibrates or decays "
             f"with {rate:.3g} 1/s, too fast for steps of {step:g} s",
             allowed=f"rates up to {MAX_RATE_STEP / step:.3g} 1/s at this step",
             remedy=(
-                f"set control.physics_step to {Quantity(enough).setting()} or less; or choose a softer rope "
-                "or frame, a heavier winch, or a body with more inertia"
+                f"set control.physics_step to {support.Quantity(enough).setting()} or less; or choose a "
+                "softer rope or frame, a heavier winch, or a body with more inertia"
             )
-            if enough >= Scenario.MIN_PERIOD
+            if enough >= scenario_files.Scenario.MIN_PERIOD
             else "choose a softer rope or frame, a heavier winch, or a body with more inertia",
             step=enough,
         )

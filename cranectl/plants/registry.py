@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequenc
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
+from cranectl import scenario as scenario_files
+from cranectl import support
 from cranectl.plants.plant import DRIVES, Drive, Plant
 from cranectl.support import Extensions, InputError
 
@@ -100,7 +102,6 @@ class Plants(MutableMapping[str, "PlantEntry"]):
     def make(self, name: str, scenario: "Scenario", drive: Drive) -> Plant:
         """Make a plant for a scenario; raise InputError if it is unknown or cannot show the scenario."""
         from cranectl.plants.steps import PhysicsStep
-        from cranectl.scenario import NANOSECONDS
 
         entry = self.find(name, scenario.rig)
         entry.check_scenario(scenario, drive)
@@ -112,7 +113,7 @@ class Plants(MutableMapping[str, "PlantEntry"]):
         return entry.load()(
             scenario.rig,
             drive=drive,
-            step=scenario.period_ns / NANOSECONDS / steps,
+            step=scenario.period_ns / scenario_files.NANOSECONDS / steps,
             substeps=steps,
             effects=scenario.effects_on_plant,
         )
@@ -159,11 +160,9 @@ class Plants(MutableMapping[str, "PlantEntry"]):
 
     def sources(self, names: Iterable[str]) -> dict[str, str]:
         """Return the digests of plants that come from other packages or from model files, by name."""
-        from cranectl.support import Provenance
-
         entries = [self[name] for name in names if name in self]
         models = {f"model {entry.name}": entry.digest for entry in entries if entry.digest}
-        return Provenance.sources_of({entry.where.partition(":")[0] for entry in entries}) | models
+        return support.Provenance.sources_of({entry.where.partition(":")[0] for entry in entries}) | models
 
     @property
     def model_files(self) -> "dict[str, PlantEntry]":
@@ -250,9 +249,8 @@ def register_plant(entry: "PlantEntry") -> None:
         If its name is taken.
     """
     from cranectl.plants.entry import PlantEntry
-    from cranectl.support import Arguments
 
-    Arguments.check("entry", entry, PlantEntry)
+    support.Arguments.check("entry", entry, PlantEntry)
     InputError.check_name("plant", entry.name, taken=PLANTS)
     PLANTS[entry.name] = entry
 

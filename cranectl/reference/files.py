@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cranectl import mcap_columns
 from cranectl.reference.tables import FileColumn, read_columns
 from cranectl.scenario import FromFile
 from cranectl.support import Array, File, InputError
@@ -153,8 +154,6 @@ def _apply_signs(columns: dict[str, Array], settings: FromFile) -> dict[str, Arr
 
 def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) -> RecordedMotion:
     """Read the motion from a log, which states its units."""
-    from cranectl.mcap_columns import McapFile
-
     if "speed" in kinds:
         raise InputError(
             f"{where} is a log, which has times but no speeds at points",
@@ -162,7 +161,7 @@ def _read_log(path: Path, settings: FromFile, kinds: Sequence[str], where: str) 
             remedy="leave out columns.speed",
         )
     topic = f"/{settings.topic.removeprefix('/')}"
-    with McapFile.opened(path) as file:
+    with mcap_columns.McapFile.opened(path) as file:
         columns = file.columns(lambda other: other == topic)
         for name in ("columns", "units"):
             if getattr(settings, name).model_fields_set:

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from cranectl.planning.limits import AXES
-from cranectl.planning.review import ACTIVE_SHARE, Review
+from cranectl.planning import ACTIVE_SHARE, AXES, Review
 from cranectl.report.table import Cell, Table
 from cranectl.scenario import Scenario
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from cranectl import support
 from cranectl.status import RunStatus
 from cranectl.support import Array, MachineError, Parent, printable
 
@@ -47,7 +48,6 @@ def blocks_in_child(
     as `controller-failed`. Time that it waits for a processor or for a program to start does not count.
     Raises MachineError if the child is killed from outside, or lacks memory or disk space.
     """
-    from cranectl.support import Child  # only for controllers from outside
 
     def work(parent: Parent) -> None:
         libc = ctypes.CDLL(None)
@@ -55,12 +55,12 @@ def blocks_in_child(
             libc.fflush(None)  # text that the controller has printed in C
             parent.send(report)
 
-    rows, status, child = 0, int(RunStatus.RUNNING), Child.fork(work)
+    rows, status, child = 0, int(RunStatus.RUNNING), support.Child.fork(work)
     try:
         while rows < total and status == RunStatus.RUNNING:
             rows, end, status = child.receive(timeout)
             yield rows, end, status
-    except Child.Error as error:
+    except support.Child.Error as error:
         if error.is_killed:
             raise MachineError.of(f"the run with {name} {error}, from outside") from None
         hint = "; --timeout allows more" if error.is_silent else ""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cranectl import controllers
 from cranectl.controllers import (
     ALL_CONTROLLERS,
     CompiledController,
@@ -69,9 +70,7 @@ class PreparedController:
         scenario, padded = plan.scenario, np.zeros((len(rows), len(SignalGroup.REFERENCE)))
         padded[:, : rows.shape[1]] = rows
         if isinstance(controller, str):
-            from cranectl.controllers import repeated_commands
-
-            controller = repeated_commands(DRIVES[drive].command, controller)
+            controller = controllers.repeated_commands(DRIVES[drive].command, controller)
         period = scenario.period_ns / NANOSECONDS
         nominal = Nominal(scenario.limited_rig, drive, period, padded, plan.initial_state, {})
         design = ControllerDesign(controller.name)

@@ -2,10 +2,12 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from importlib.metadata import EntryPoints, entry_points
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from cranectl.support.errors import InputError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoints
 
 
 @dataclass(frozen=True)
@@ -21,8 +23,10 @@ class Extensions:
     EXPORTERS: ClassVar["Extensions"]  # formats of export
 
     @property
-    def entries(self) -> EntryPoints:
+    def entries(self) -> "EntryPoints":
         """The entry points of the group, which are not loaded."""
+        from importlib.metadata import entry_points  # slow, and no help text needs it
+
         return entry_points(group=self.group)
 
     def join(self, own: Mapping[str, Any], kind: type[Any], *, taken: Collection[str] = ()) -> dict[str, Any]:

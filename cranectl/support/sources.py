@@ -8,6 +8,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
+_NAME = re.compile(r"(\w+)(?:\s+as\s+(\w+))?")  # what is imported, and as what
 _EXPORT = re.compile(r"^from \.([.\w]*) import (\w+)", re.MULTILINE)  # a line of a face, which is a stub file
 
 
@@ -39,15 +40,23 @@ def source_of(path: Path) -> str:
 def _imported(path: Path) -> frozenset[Path]:
     """Return the files of the package that a source file imports."""
     files: set[Path] = set()
-    for match in _IMPORT.finditer(source_of(path)):
+    text = source_of(path)
+    for match in _IMPORT.finditer(text):
         module = PACKAGE.joinpath(*match[1].split("."))
         homes = exported(module)
         parts = [
-            {homes[name]} if name in homes else module_files(module / name)
-            for name in re.findall(r"\w+", match[2] or "")
+            {homes[name]} if name in homes else _used_files(module / name, alias or name, text)
+            for name, alias in _NAME.findall(match[2] or "")
         ]
         files.update(*(parts if parts and all(parts) else [*parts, module_files(module)]))
     return frozenset(files)
+
+
+def _used_files(module: Path, name: str, text: str) -> set[Path]:
+    """Return the files of a module, of which a face only loads what `text` reads off it as `name.NAME`."""
+    homes = exported(module)
+    used = {homes[found] for found in set(re.findall(rf"\b{name}\.(\w+)", text)) & homes.keys()}
+    return {module / "__init__.py", *used} if used else module_files(module)
 
 
 def module_files(module: Path) -> set[Path]:

@@ -11,9 +11,10 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from cranectl.cli import new
-from cranectl.cli.list import DOCUMENTS, json_schema
+from cranectl.cli.list import DOCUMENTS
 from cranectl.cli.main import main
 from cranectl.cli.new import ENDINGS
+from cranectl.cli.schemas import json_schema
 from cranectl.loaders.opening import close_controllers
 from tests.cli.conftest import Command
 from tests.conftest import ROOT

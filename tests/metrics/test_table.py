@@ -106,7 +106,7 @@ def test_a_metric_from_outside_is_everywhere(tmp_path: Path) -> None:
 )
 def test_what_is_no_metric_is_refused(entry: str, message: str, monkeypatch: pytest.MonkeyPatch) -> None:
     entries = [EntryPoint("mine", entry, "cranectl.metrics")]
-    monkeypatch.setattr("cranectl.support.extensions.entry_points", lambda **_: entries)
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda **_: entries)
     with pytest.raises(InputError) as caught:
         Metric.all.__wrapped__()
     assert message in caught.value.found

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cranectl.plants.mujoco.own_file import spec_of_file
+from cranectl.plants.mujoco.own_file import OwnFile
 from cranectl.scenario.rig import ModelNames
 from cranectl.support.errors import InputError
 from cranectl.support.search_path import SafePath
@@ -55,7 +55,7 @@ def test_a_model_that_asks_for_too_much_is_refused(asked: str, tmp_path: Path) -
     file = changed(TENDON, tmp_path, TOO_LARGE[asked])
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(InputError) as error:
-        spec_of_file(file, ModelNames())
+        OwnFile(file, ModelNames())
     found = f"{file} asks for {asked}".replace("infinitely many", "nan nuserdata in <size>")
     assert (error.value.found, error.value.allowed[:8]) == (found, "at most ")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < ALLOWED_GROWTH
@@ -66,7 +66,7 @@ def test_as_much_as_is_allowed_is_taken(tmp_path: Path) -> None:
     text += 'builtin="sphere" params="3"/>'
     size = '<size memory="10M" nuserdata="1000"/><worldbody>'
     file = changed(TENDON, tmp_path, asset(text), ("<worldbody>", size))
-    assert spec_of_file(file, ModelNames()).compile().nuserdata == 1000
+    assert OwnFile(file, ModelNames()).model.nuserdata == 1000
 
 
 def mesh(name: str) -> tuple[str, str]:
@@ -100,7 +100,7 @@ def test_only_regular_files_in_the_folder_of_the_model_are_read(tmp_path: Path) 
         (picture, "asks for 900000000 pixels in picture.png"),
     ):
         with pytest.raises(InputError, match=re.escape(said)) as error:
-            spec_of_file(changed(TENDON, folder, change), ModelNames())
+            OwnFile(changed(TENDON, folder, change), ModelNames())
         assert error.value.allowed
         assert error.value.remedy
 
@@ -109,7 +109,7 @@ def test_only_regular_files_in_the_folder_of_the_model_are_read(tmp_path: Path) 
 def test_numbers_that_are_not_finite_are_refused(number: str, tmp_path: Path) -> None:
     file = changed(TENDON, tmp_path, ('name="x"', f'name="x" damping="{number}"'))
     with pytest.raises(InputError, match="dof_damping of its model has numbers that are infinite or NaN"):
-        spec_of_file(file, ModelNames())
+        OwnFile(file, ModelNames())
 
 
 def test_an_unstable_model_ends_its_run_and_writes_nothing_beside_it(tmp_path: Path) -> None:

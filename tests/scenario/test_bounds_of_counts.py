@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import cranectl
-from cranectl.cli.list import DOCUMENTS, json_schema
+from cranectl.cli.list import DOCUMENTS
+from cranectl.cli.schemas import json_schema
 from cranectl.scenario import Scenario
 from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_runs import MAX_CRANES

@@ -5,13 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cranectl.campaign.commands.options import campaign_argument
+from cranectl import campaign as campaigns
+from cranectl.campaign.commands.options import campaign_argument, idle_in_campaign
 from cranectl.cli.command import Command
+from cranectl.cli.counts import Count
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
 
 if TYPE_CHECKING:
     from cranectl.campaign.definition import Campaign, UncertainParameter
-    from cranectl.report.table import Table
 
 QUANTILES = (0.05, 0.95)
 
@@ -25,19 +28,15 @@ def list_campaigns(screen: Screen) -> None:
     cranectl campaign list
     cranectl campaign list --json -
     """
-    from cranectl.campaign.load import load_campaign
-    from cranectl.campaign.settings import CampaignSettings
-    from cranectl.report.table import Cell, Table
-
-    campaigns = [load_campaign(name) for name in CampaignSettings.shipped_names()]
+    shipped = [campaigns.load_campaign(name) for name in campaigns.CampaignSettings.shipped_names()]
     headings = ("campaign", "scenario", "sampling", "parameters", "runs")
     rows = tuple(
         Cell.row(s.name, s.scenario, s.sampling, str(len(campaign.parameters)), str(campaign.runs))
-        for campaign, s in ((campaign, campaign.settings) for campaign in campaigns)
+        for campaign, s in ((campaign, campaign.settings) for campaign in shipped)
     )
     screen.print(Table("Campaigns", headings, rows, labels=3))
-    screen.print_each(f"{campaign.settings.name}: {campaign.settings.title}" for campaign in campaigns)
-    screen.write_json({"campaigns": [_facts(campaign) for campaign in campaigns]})
+    screen.print_each(f"{campaign.settings.name}: {campaign.settings.title}" for campaign in shipped)
+    screen.write_json({"campaigns": [_facts(campaign) for campaign in shipped]})
 
 
 @click.command("show", cls=Command)
@@ -53,20 +52,14 @@ def show_campaign(campaign: "Campaign", no_estimate: bool, screen: Screen) -> No
     cranectl campaign show lab-rig
     cranectl campaign show mine.toml --runs 10000 --no-estimate
     """
-    from cranectl.campaign.commands.options import idle_in_campaign
-    from cranectl.cli.idle import IdleSettings
-
     screen.print(_parameters_table(campaign))
     screen.print_each(_lines(campaign))
     IdleSettings.print(screen, idle_in_campaign(campaign))
     facts = _facts(campaign)
     if not no_estimate:
-        from cranectl.campaign.workers import estimated_seconds
-        from cranectl.cli.counts import Count
-
         cores = Count.available_cores()
         with Screen.progress_bar(1.0, "running the nominal scenario", done="measured"):
-            seconds = estimated_seconds(campaign, workers=cores)
+            seconds = campaigns.estimated_seconds(campaign, workers=cores)
         screen.print(f"time: about {duration(seconds)} on {cores} cores")
         facts |= {"estimated_s": seconds, "workers": cores}
     screen.write_json(facts)
@@ -79,15 +72,12 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _parameters_table(campaign: "Campaign") -> "Table":
-    from cranectl.campaign.table import describe
-    from cranectl.report.table import Cell, Table
-
+def _parameters_table(campaign: "Campaign") -> Table:
     headings = ("parameter", "unit", "distribution", "nominal", *(f"{100 * q:g} %" for q in QUANTILES))
     rows = tuple(
         Cell.row(
             parameter.name,
-            describe(campaign, parameter.name).unit,
+            campaigns.describe(campaign, parameter.name).unit,
             parameter.distribution.distribution,
             *(f"{value:.4g}" for value in (parameter.nominal, *_quantiles(parameter))),
         )
@@ -120,8 +110,6 @@ def _lines(campaign: "Campaign") -> list[str]:
 
 
 def _facts(campaign: "Campaign") -> dict[str, Any]:
-    from cranectl.campaign.table import describe
-
     return {
         **campaign.settings.model_dump(mode="json", exclude={"uncertain", "runs"}),
         "samples": campaign.runs,
@@ -129,7 +117,7 @@ def _facts(campaign: "Campaign") -> dict[str, Any]:
         "parameters": [
             {
                 "name": parameter.name,
-                "unit": describe(campaign, parameter.name).unit,
+                "unit": campaigns.describe(campaign, parameter.name).unit,
                 "nominal": parameter.nominal,
                 "distribution": parameter.distribution.model_dump(mode="json", exclude_none=True),
                 "quantiles": dict(zip(map(str, QUANTILES), _quantiles(parameter), strict=True)),

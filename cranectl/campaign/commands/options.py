@@ -9,21 +9,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import campaign as campaigns
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.names import Names
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.plants import DRIVES
 from cranectl.support import FileKind, InputError
 
 if TYPE_CHECKING:
     from cranectl.campaign.definition import Campaign
-    from cranectl.campaign.failures import AllowedFailures
 
 
 class Judgement(NamedTuple):
     """What `--max-failures` and `--junit` ask for."""
 
-    allowed: "AllowedFailures | None"
+    allowed: "campaigns.AllowedFailures | None"
     junit: Path | None
 
 
@@ -42,15 +45,13 @@ def judgement_options(function: Callable[..., Any]) -> Callable[..., Any]:
     )
     @functools.wraps(function)
     def command(*given: Any, max_failures: str | None, junit: Path | None, **options: Any) -> Any:
-        from cranectl.campaign.failures import AllowedFailures
-
         if junit is not None and max_failures is None:
             raise InputError(
                 "--junit without --max-failures, which judges the runs",
                 allowed="--junit with --max-failures",
                 remedy="add --max-failures 5%",
             )
-        allowed = None if max_failures is None else AllowedFailures.parse(max_failures)
+        allowed = None if max_failures is None else campaigns.AllowedFailures.parse(max_failures)
         return function(*given, judgement=Judgement(allowed, junit), **options)
 
     return command
@@ -87,11 +88,8 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
     @ControllerName.trust_option("CAMPAIGN")
     @functools.wraps(function)
     def command(campaign: str, overrides: Sequence[str], trust: bool, **options: Any) -> Any:
-        from cranectl.campaign.load import load_campaign
-        from cranectl.campaign.settings import CampaignSettings
-
         to_toml = functools.partial(json.dumps, ensure_ascii=False)  # the same for strings, numbers, lists
-        fields = CampaignSettings.model_fields
+        fields = campaigns.CampaignSettings.model_fields
         roots = [text.partition("=")[0].split(".") for text in overrides]
         own = [
             text
@@ -104,29 +102,27 @@ def campaign_argument(function: Callable[..., Any]) -> Callable[..., Any]:
         }
         if trust and not replaced["controllers"]:
             named, folder = (
-                CampaignSettings.read(campaign, overrides=own).controllers,
-                CampaignSettings.file_of(campaign).parent,
+                campaigns.CampaignSettings.read(campaign, overrides=own).controllers,
+                campaigns.CampaignSettings.file_of(campaign).parent,
             )
             replaced["controllers"] = tuple(ControllerName.open(name, folder) for name in named)
         own += [f"{key}={to_toml(value)}" for key, value in replaced.items() if value not in (None, ())]
         if shared:
-            own.append(f"set={to_toml([*CampaignSettings.read(campaign, overrides=own).set, *shared])}")
-        return function(load_campaign(campaign, overrides=own), **options)
+            own.append(
+                f"set={to_toml([*campaigns.CampaignSettings.read(campaign, overrides=own).set, *shared])}"
+            )
+        return function(campaigns.load_campaign(campaign, overrides=own), **options)
 
     return command
 
 
 def idle_in_campaign(campaign: "Campaign") -> list[str]:
     """Say which settings of a campaign and of its scenario change nothing in its runs."""
-    from cranectl.campaign.settings import COUNTED
-    from cranectl.cli.idle import IdleSettings
-    from cranectl.plants import DRIVES
-
     settings = campaign.settings
     uses = product(settings.plants, (DRIVES.checked(settings.drive),), settings.controllers)
     request = ScenarioRequest(settings.scenario, settings.rig, settings.set)
     lines = IdleSettings.lines(campaign.nominal, request, uses, unread=("limits.*", "expected"))
-    if "seed" in settings.model_fields_set and settings.sampling in COUNTED:
+    if "seed" in settings.model_fields_set and settings.sampling in campaigns.COUNTED:
         lines.append(
             f"{settings.name}: seed changes nothing here: {settings.sampling} sampling draws nothing"
         )

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cranectl import campaign as campaigns
 from cranectl.campaign.commands.options import Judgement, judgement_options
 from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
@@ -13,6 +14,7 @@ from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
+from cranectl.plants import PLANTS
 from cranectl.support import FileKind
 
 if TYPE_CHECKING:
@@ -42,16 +44,12 @@ def report_campaign(
     cranectl campaign report logs/campaign-lab-rig --unfinished --json -
     cranectl campaign report logs/campaign-lab-rig --max-failures 5% --junit junit.xml
     """
-    from cranectl.campaign.evaluation import Analysis
-    from cranectl.campaign.report.page import campaign_page
-    from cranectl.campaign.results import read_results
-
     page = out or Path(f"{result}.html" if result.name else f"{result.absolute().name}.html")
-    results = read_results(result, unfinished=unfinished)
+    results = campaigns.read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
-    analysis = Analysis.of(results)
-    campaign_page(analysis, Command.given()).write(page)
-    code = show_result(results, screen, judgement, Analysis.json(analysis))
+    analysis = campaigns.Analysis.of(results)
+    campaigns.campaign_page(analysis, Command.given()).write(page)
+    code = show_result(results, screen, judgement, campaigns.Analysis.json(analysis))
     screen.print(f"report: {page}")
     return code
 
@@ -60,16 +58,15 @@ def show_result(
     results: "Results", screen: Screen, judgement: Judgement, more: dict[str, Any] | None = None
 ) -> int:
     """Print the summary of a result and write it as JSON, with what is `more`; return the exit code."""
-    from cranectl.campaign.report.tables import CampaignTables
-    from cranectl.campaign.summary import makers, software_notes, summarize
-
-    groups = summarize(results)
+    groups = campaigns.summarize(results)
     settings = results.campaign.settings
     for plant in settings.plants:
         of_plant = [group for group in groups if group.plant == plant]
-        screen.print(CampaignTables.summary(of_plant, f"{settings.name} on {plant}, {settings.drive} drives"))
-        screen.print_each(CampaignTables.failure_notes(of_plant), indent="  ")
-    screen.print_each(software_notes(results))
+        screen.print(
+            campaigns.CampaignTables.summary(of_plant, f"{settings.name} on {plant}, {settings.drive} drives")
+        )
+        screen.print_each(campaigns.CampaignTables.failure_notes(of_plant), indent="  ")
+    screen.print_each(campaigns.software_notes(results))
     screen.print(f"result: {results.directory}")
     judged = judge_result(results, groups, judgement, screen)
     summary = {
@@ -79,7 +76,7 @@ def show_result(
         "runs": len(results),
         "missing": results.missing_runs,
         "limits": settings.limits.given,
-        "software": [asdict(maker) for maker in makers(results)],
+        "software": [asdict(maker) for maker in campaigns.makers(results)],
         "groups": [asdict(group) for group in groups],
     }
     screen.write_json(summary | judged | (more or {}))
@@ -91,19 +88,18 @@ def judge_result(
     results: "Results", groups: "Sequence[GroupSummary]", judgement: Judgement, screen: Screen
 ) -> dict[str, Any]:
     """Print whether as many runs failed as are allowed, if that is asked for; return it as plain data."""
-    from cranectl.campaign.failures import failure_cases, judge_failures
-    from cranectl.campaign.report.tables import CampaignTables
-
     if judgement.allowed is None:
         return {}
-    verdicts = judge_failures(groups, judgement.allowed)
+    verdicts = campaigns.judge_failures(groups, judgement.allowed)
     for verdict in verdicts:
         screen.print(f"{verdict.name}: {verdict.text}:", Screen.PASSED if verdict.kept else Screen.FAILED)
     if not results.campaign.settings.limits.given:
         screen.print("the campaign has no [limits]: only runs that stop early count as failed")
     if judgement.junit is not None:
-        notes = [[*CampaignTables.failure_notes([group]), *_again(results, group)] for group in groups]
-        cases = failure_cases(verdicts, results.campaign.settings.name, notes)
+        notes = [
+            [*campaigns.CampaignTables.failure_notes([group]), *_again(results, group)] for group in groups
+        ]
+        cases = campaigns.failure_cases(verdicts, results.campaign.settings.name, notes)
         screen.save_junit(cases, judgement.junit, "cranectl campaign")
     kept = all(verdict.kept for verdict in verdicts)
     judged = [verdict.to_json() for verdict in verdicts]
@@ -112,13 +108,11 @@ def judge_result(
 
 def _again(results: "Results", group: "GroupSummary") -> "Iterator[str]":
     """Yield the command that repeats the first run that failed, if there is one."""
-    from cranectl.campaign.report.tables import CampaignTables
-    from cranectl.campaign.summary import failed
-
     rows = results.rows(group.plant, group.controller)
-    bad = failed(lambda name: results.column(name)[rows], results.campaign.settings.limits.given)
+    bad = campaigns.failed(lambda name: results.column(name)[rows], results.campaign.settings.limits.given)
     for sample in results.column("sample")[rows][bad][:1].tolist():
-        yield f"again: {CampaignTables.replay_command(results, sample, group.controller, group.plant)}"
+        again = campaigns.CampaignTables.replay_command(results, sample, group.controller, group.plant)
+        yield f"again: {again}"
 
 
 @click.command("replay", cls=Command)
@@ -159,24 +153,24 @@ def replay_campaign(
     cranectl campaign replay logs/campaign-lab-rig --worst 1 --by residual_sway_rad --controller lqr
     cranectl campaign replay logs/campaign-lab-rig --run 17 --run 230
     """
-    from cranectl.campaign.replay import check_models, chosen_rows, replay_run
-    from cranectl.campaign.results import REPLAYS, read_results
-    from cranectl.plants import PLANTS
-
     PLANTS.forget_model_files()
     plants = tuple(PLANTS.find(name).name if name.endswith(PLANTS.MODEL_ENDING) else name for name in plants)
     if samples and worst is not None:
         raise click.UsageError("--run and --worst exclude each other")
-    results = read_results(result, unfinished=True)
-    rows = chosen_rows(
+    results = campaigns.read_results(result, unfinished=True)
+    rows = campaigns.chosen_rows(
         results, samples=samples, worst=worst or 3, metric=metric, plants=plants, controllers=controllers
     )
-    check_models(results, rows)
+    campaigns.check_models(results, rows)
     replays = []
     with Screen.progress_bar(results.campaign.nominal.duration * len(rows)) as advance:
         for row in rows:
             advance(0.0, f"run {results.row(row)['sample']}")
-            replays.append(replay_run(results, row, out or result / REPLAYS, every=every, progress=advance))
+            replays.append(
+                campaigns.replay_run(
+                    results, row, out or result / campaigns.REPLAYS, every=every, progress=advance
+                )
+            )
     for replay in replays:
         screen.print(f"{replay.log}:", Screen.PASSED if replay.same else Screen.FAILED, replay.text)
         software = (f"made by other software: {difference}" for difference in replay.software_differences)

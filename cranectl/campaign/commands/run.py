@@ -9,17 +9,24 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from cranectl.campaign.commands.options import Judgement, campaign_argument, judgement_options
+from cranectl import campaign as campaigns
+from cranectl.campaign.commands.options import (
+    Judgement,
+    campaign_argument,
+    idle_in_campaign,
+    judgement_options,
+)
+from cranectl.campaign.commands.results import show_result
 from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
+from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
 
 if TYPE_CHECKING:
     from cranectl.campaign import Campaign
     from cranectl.campaign.definition import Batch
-    from cranectl.campaign.results import Store
     from cranectl.campaign.table import Row
     from cranectl.campaign.workers import Engine
 
@@ -89,15 +96,6 @@ def run_campaign(
     Exit codes: 0 all runs are there, failed ones included; 1 more than --max-failures failed; 2 bad input
     or a full disk; 3 none could be run; 130 interrupted.
     """
-    from cranectl.campaign.commands.options import idle_in_campaign
-    from cranectl.campaign.commands.results import show_result
-    from cranectl.campaign.manifest import Manifest
-    from cranectl.campaign.results import Store, read_results
-    from cranectl.campaign.table import FAILED
-    from cranectl.campaign.workers import batch_engine
-    from cranectl.cli.counts import Count
-    from cranectl.cli.idle import IdleSettings
-
     if resume and overwrite:
         raise click.UsageError("--resume and --overwrite exclude each other")
     if despite_differences and not resume:
@@ -112,25 +110,25 @@ def run_campaign(
         [*idle_in_campaign(campaign), *IdleSettings.timeout_lines(controllers, timeout, cluster=elsewhere)],
     )
     with (
-        batch_engine(
+        campaigns.batch_engine(
             scheduler, timeout, workers=workers or Count.available_cores(), local_cluster=bool(cluster)
         ) as engine,
-        Store.open(campaign, directory, command=Command.arguments(), **options) as store,
+        campaigns.Store.open(campaign, directory, command=Command.arguments(), **options) as store,
     ):
         screen.print_each(store.quarantined, indent="  ")
         interrupted = _run(campaign, store, engine)
-        results = read_results(directory, unfinished=interrupted)
+        results = campaigns.read_results(directory, unfinished=interrupted)
     # What was interrupted is not judged: the runs that are missing may fail.
     code = show_result(results, screen, Judgement(None, None) if interrupted else judgement)
     if interrupted:
-        again = Manifest.resume_command(results.manifest) or "the same command and --resume"
+        again = campaigns.Manifest.resume_command(results.manifest) or "the same command and --resume"
         remaining = f"{len(results)} of {len(results) + results.missing_runs} runs are kept"
         screen.print(f"interrupted: {remaining}; go on with: {again}")
         return ExitCode.INTERRUPTED
-    return ExitCode.RUN_STOPPED if set(results.column("status")) == {FAILED} else code
+    return ExitCode.RUN_STOPPED if set(results.column("status")) == {campaigns.FAILED} else code
 
 
-def _run(campaign: "Campaign", store: "Store", engine: "Engine") -> bool:
+def _run(campaign: "Campaign", store: "campaigns.Store", engine: "Engine") -> bool:
     """Run what is missing; returns whether it was interrupted."""
     if not store.missing:
         return False
@@ -152,8 +150,6 @@ def _progress(
     campaign: "Campaign", missing: Sequence["Batch"]
 ) -> Iterator[Callable[[Sequence["Row"]], None]]:
     """Show a progress bar over all runs; yield a function that takes new rows."""
-    from cranectl.campaign.summary import failed
-
     left = sum(batch.runs for batch in missing)
     runs, failures, simulated, start = 0, 0, 0.0, monotonic()
     with Screen.progress(*BAR) as shown:
@@ -167,7 +163,7 @@ def _progress(
         def advance(rows: Sequence["Row"]) -> None:
             nonlocal runs, failures, simulated
             runs += len(rows)
-            bad = failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
+            bad = campaigns.failed(lambda name: [row[name] for row in rows], campaign.settings.limits.given)
             failures += int(bad.sum())
             simulated += sum(float(row["end_s"] or 0.0) for row in rows)
             seconds = max(monotonic() - start, 1e-9)

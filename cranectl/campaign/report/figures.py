@@ -22,7 +22,7 @@ from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
 from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
 from cranectl.metrics import Metric
-from cranectl.report.theme import Chart
+from cranectl.report import Chart
 from cranectl.support import Array, Mask
 
 Rows = NDArray[np.intp]

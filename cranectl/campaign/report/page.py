@@ -13,8 +13,7 @@ from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
 from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, compared_parameters, software_notes
 from cranectl.metrics import Metric
-from cranectl.report.page import Figure, Page, Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Figure, Page, Section, Table
 from cranectl.support import Array
 
 SHOWN_PANELS = 4  # parameters that have a panel of their own

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from cranectl.campaign.sensitivity import OneAtATimeEffect
 from cranectl.campaign.summary import MAIN_METRICS, MEASURE
-from cranectl.report.theme import Chart
+from cranectl.report import Chart
 from cranectl.support import Array
 
 

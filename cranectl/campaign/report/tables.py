@@ -19,7 +19,7 @@ from cranectl.campaign.statistics import LEVELS, quantiles
 from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
 from cranectl.metrics import Metric
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Table
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cranectl.plants.mujoco.own_names import complete_names
 from cranectl.plants.mujoco.own_size import check_files, check_finite
 from cranectl.scenario import ModelNames
-from cranectl.support import InputError
+from cranectl.support import Array, InputError
 
 INTEGRATOR, FILTER, FILTEREXACT = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("INTEGRATOR", "FILTER", "FILTEREXACT")
@@ -35,83 +35,102 @@ SENSORS = (
 )
 
 
-def spec_of_file(file: Path, names: ModelNames) -> mujoco.MjSpec:
-    """Return the model of a file with RK4 and SENSORS, compiled.
+class OwnFile:
+    """A model file of a user as it is run: with RK4 and SENSORS, and `names` of what makes it a crane.
 
     Raises InputError if it reads files elsewhere, is too large, lacks a name or cannot be compiled.
     """
-    try:
-        check_files(file)
-        spec = mujoco.MjSpec.from_file(str(file))
-        complete_names(file, spec, names)
+
+    def __init__(self, file: Path, names: ModelNames) -> None:
+        self.file, self.names = file, names
+        try:
+            check_files(file)
+            self.spec = mujoco.MjSpec.from_file(str(file))
+            complete_names(file, self.spec, names)
+            self._add_sensors()
+            self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+            # As in the shipped model: the engine must not go on from its initial state after a warning.
+            self.spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+            self.model = self.spec.compile()
+            check_finite(file, self.model)
+        except (OSError, ValueError, ElementTree.ParseError) as error:
+            raise InputError(
+                f"{file}: {error}",
+                allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",
+                remedy="correct the file",
+            ) from None
+
+    def _add_sensors(self) -> None:
         for k, (kind, of) in enumerate(SENSORS):
-            if not getattr(names, of):  # a fixed rope has no winch; the place of its force stays unread
-                spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=mujoco.mjtSensor.mjSENS_CLOCK)
+            if not getattr(self.names, of):  # a fixed rope has no winch; the place of its force stays unread
+                self.spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=mujoco.mjtSensor.mjSENS_CLOCK)
                 continue
             objtype = mujoco.mjtObj.mjOBJ_ACTUATOR if of == "winch_drive" else mujoco.mjtObj.mjOBJ_SITE
-            spec.add_sensor(name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(names, of))
-        spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        # As in the shipped model: the engine must not go on from its initial state after a warning.
-        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-        check_finite(file, spec.compile())
-    except (OSError, ValueError, ElementTree.ParseError) as error:
-        raise InputError(
-            f"{file}: {error}",
-            allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",
-            remedy="correct the file",
-        ) from None
-    return spec
-
-
-def embed_files(spec: mujoco.MjSpec) -> None:
-    """Put the meshes of a model into its text and leave out its images, so that it needs no other file."""
-    model = spec.compile()
-    for k, mesh in enumerate(spec.meshes):
-        points, faces = (
-            table[first : first + count]
-            for table, first, count in (
-                (model.mesh_vert, model.mesh_vertadr[k], model.mesh_vertnum[k]),
-                (model.mesh_face, model.mesh_faceadr[k], model.mesh_facenum[k]),
+            self.spec.add_sensor(
+                name=f"{SENSOR_NAME}{k}", type=kind, objtype=objtype, objname=getattr(self.names, of)
             )
-        )
-        turn = np.zeros(9)  # from the axes of the mesh's inertia, in which the compiled points are
-        mujoco.mju_quat2Mat(turn, model.mesh_quat[k])
-        mesh.uservert = (points @ turn.reshape(3, 3).T + model.mesh_pos[k]).ravel()
-        mesh.userface, mesh.file, mesh.scale = faces.ravel(), "", np.ones(3)
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
-    for texture in spec.textures:
-        spec.delete(texture)
 
+    @property
+    def drives(self) -> NDArray[np.int64]:
+        """The indices of the actuators of the drives, of axes that have one."""
+        names = filter(None, self.names.drives)
+        return np.array([self.model.actuator(name).id for name in names], dtype=np.int64)
 
-def sensor_values(model: mujoco.MjModel) -> NDArray[np.int64]:
-    """Return the indices in sensordata of the values of SENSORS."""
-    sensors = [model.sensor(f"{SENSOR_NAME}{k}") for k in range(len(SENSORS))]
-    return np.concatenate([sensor.adr[0] + np.arange(sensor.dim[0]) for sensor in sensors])
+    @property
+    def sensors(self) -> NDArray[np.int64]:
+        """The indices in sensordata of the values of SENSORS."""
+        sensors = [self.model.sensor(f"{SENSOR_NAME}{k}") for k in range(len(SENSORS))]
+        return np.concatenate([sensor.adr[0] + np.arange(sensor.dim[0]) for sensor in sensors])
 
+    @property
+    def filters(self) -> Array:
+        """Time constants of the filters between the controls of the drives and their forces [s]."""
+        are_filters = np.isin(self.model.actuator_dyntype[self.drives], (FILTER, FILTEREXACT))
+        return np.where(are_filters, self.model.actuator_dynprm[self.drives, 0], 0.0)
 
-def servo_kind(file: Path, model: mujoco.MjModel, names: ModelNames) -> str:
-    """Return what the drives take: "velocity", "position", "moving position" or "force".
+    @property
+    def servo(self) -> str:
+        """What the drives take: "velocity", "position", "moving position" or "force".
 
-    The set-points of a drive with a moving position are the integral of its control. Raises InputError if the
-    drives differ, or if one has what no plant has.
-    """
-    kinds = {}
-    for name in filter(None, names.drives):
-        for cause, remedy in _peculiarities(model, name):
+        The set-points of a drive with a moving position are the integral of its control. Raises InputError
+        if the drives differ, or if one has what no plant has.
+        """
+        kinds = {}
+        for name, drive in zip(filter(None, self.names.drives), self.drives, strict=True):
+            for cause, remedy in _peculiarities(self.model, name):
+                raise InputError(
+                    f"{self.file}: {name} has {cause}",
+                    allowed="drives whose force is gain times control, filtered or not, plus an affine bias",
+                    remedy=remedy,
+                )
+            kinds[name] = _kind(self.model, drive)
+        if len(set(kinds.values())) > 1:
             raise InputError(
-                f"{file}: {name} has {cause}",
-                allowed="drives whose force is gain times control, filtered or not, plus an affine bias",
-                remedy=remedy,
+                f"{self.file}: {', '.join(f'{name} is of the kind {kind}' for name, kind in kinds.items())}",
+                allowed="actuators of one kind: velocity, position or force (motor)",
+                remedy="change the actuators in the file",
             )
-        kinds[name] = _kind(model, model.actuator(name).id)
-    if len(set(kinds.values())) > 1:
-        raise InputError(
-            f"{file}: {', '.join(f'{name} is of the kind {kind}' for name, kind in kinds.items())}",
-            allowed="actuators of one kind: velocity, position or force (motor)",
-            remedy="change the actuators in the file",
-        )
-    return next(iter(kinds.values()))
+        return next(iter(kinds.values()))
+
+    def embed(self) -> None:
+        """Put the meshes into the text and leave out the images, so that the model needs no other file."""
+        model = self.spec.compile()
+        for k, mesh in enumerate(self.spec.meshes):
+            points, faces = (
+                table[first : first + count]
+                for table, first, count in (
+                    (model.mesh_vert, model.mesh_vertadr[k], model.mesh_vertnum[k]),
+                    (model.mesh_face, model.mesh_faceadr[k], model.mesh_facenum[k]),
+                )
+            )
+            turn = np.zeros(9)  # from the axes of the mesh's inertia, in which the compiled points are
+            mujoco.mju_quat2Mat(turn, model.mesh_quat[k])
+            mesh.uservert = (points @ turn.reshape(3, 3).T + model.mesh_pos[k]).ravel()
+            mesh.userface, mesh.file, mesh.scale = faces.ravel(), "", np.ones(3)
+        for material in self.spec.materials:
+            material.textures = [""] * len(material.textures)
+        for texture in self.spec.textures:
+            self.spec.delete(texture)
 
 
 def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]]:
@@ -144,12 +163,6 @@ def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]
 def _short(kinds: Any, number: int) -> str:
     """Return the word of MJCF for one of the engine's constants."""
     return str(kinds(int(number)).name.partition("_")[2].lower())
-
-
-def filter_time(model: mujoco.MjModel, k: int) -> float:
-    """Return the time constant of the filter between the control of an actuator and its force [s]."""
-    is_filter = model.actuator_dyntype[k] in (FILTER, FILTEREXACT)
-    return float(model.actuator_dynprm[k, 0]) if is_filter else 0.0
 
 
 def _kind(model: mujoco.MjModel, k: int) -> str:

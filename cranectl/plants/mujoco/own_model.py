@@ -10,13 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_file import (
-    embed_files,
-    filter_time,
-    sensor_values,
-    servo_kind,
-    spec_of_file,
-)
+from cranectl.plants.mujoco.own_file import OwnFile
 from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import AXES, SiteModel
 from cranectl.scenario import ModelNames, RigParameters
@@ -42,20 +36,19 @@ class OwnModel(SiteModel):
 
     def __init__(self, file: Path, names: ModelNames) -> None:
         """Compile and probe a model file; raise InputError if it is not such a crane."""
-        spec = spec_of_file(file, names)
-        model = spec.compile()  # to be copied before it is changed
+        own = OwnFile(file, names)
+        model = own.spec.compile()  # to be copied before it is changed
         super().__init__(model, (names.pivot, names.load), file)
         self.file, self.names = file, names
-        self.digest = _digest(spec)
+        self.digest = _digest(own)
         self.free = copy.copy(model)  # without contacts and end stops, which would disturb probing
         self.free.opt.disableflags |= sum(map(int, UNDISTURBED))
         self.axes = np.flatnonzero([bool(name) for name in names.drives])  # (n,) of 3 that have a drive
         self.drive_names = [name for name in names.drives if name]
         self.has_winch = bool(names.winch_drive)
-        self.drives = np.array([model.actuator(name).id for name in self.drive_names], dtype=np.int64)
-        self.sensors = sensor_values(model)  # indices in sensordata
-        self.servo = servo_kind(file, model, names)  # what the drives take, such as "velocity"
-        self.filters = np.array([filter_time(model, k) for k in self.drives])  # (n,) before the forces [s]
+        self.drives, self.sensors = own.drives, own.sensors  # indices of actuators, and in sensordata
+        self.servo = own.servo  # what the drives take, such as "velocity"
+        self.filters = own.filters  # (n,) before the forces [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
         shown, _ = self.show(self.new_data())
         if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
@@ -348,10 +341,10 @@ class OwnModel(SiteModel):
         return float(falling[WINCH]), by_force[np.arange(len(self.axes)), self.axes]
 
 
-def _digest(spec: mujoco.MjSpec) -> str:
-    """Return the digest of a compiled model, which is the same wherever its files are; change `spec`."""
-    embed_files(spec)
-    model = spec.compile()
+def _digest(own: OwnFile) -> str:
+    """Return the digest of a compiled model, which is the same wherever its files are; change its spec."""
+    own.embed()
+    model = own.spec.compile()
     compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
     return hashlib.sha256(compiled.tobytes()).hexdigest()[: Provenance.DIGITS]

@@ -11,7 +11,7 @@ import numpy as np
 
 from cranectl.plants.entry import PlantEntry
 from cranectl.plants.mujoco.own_check import find_differences
-from cranectl.plants.mujoco.own_file import embed_files, spec_of_file
+from cranectl.plants.mujoco.own_file import OwnFile
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.plant import MujocoPlant, views_of
 from cranectl.plants.mujoco.sites import SiteViews
@@ -72,10 +72,10 @@ class OwnPlant(MujocoPlant):
     @functools.cached_property
     def description(self) -> str:
         """The model as run, in MJCF that needs no other file; made once, since each step has it."""
-        spec = spec_of_file(self.own.file, self.own.names)
-        embed_files(spec)
-        spec.option.timestep = self.rig.step
-        return str(spec.to_xml())
+        file = OwnFile(self.own.file, self.own.names)
+        file.embed()
+        file.spec.option.timestep = self.rig.step
+        return str(file.spec.to_xml())
 
     def retune(self, rig: RigParameters, effects: EffectSettings) -> bool:
         return (rig, effects) == self._given  # no number of the file can be changed

@@ -11,7 +11,7 @@ from PIL.Image import Image
 from cranectl.cases import RunSummary
 from cranectl.compare import Agreement, compare_runs, judge
 from cranectl.metrics import RunMetrics, run_metrics, workspace_violations
-from cranectl.planning.review import Review
+from cranectl.planning import Review
 from cranectl.plants import PLANTS
 from cranectl.report.page import Figure, Page, Section
 from cranectl.report.plan import PlanReport

@@ -8,7 +8,7 @@ from typing import Any
 
 from cranectl.controllers import ALL_CONTROLLERS, SharedControllers
 from cranectl.design import ControllerDesign
-from cranectl.loaders.opening import open_again
+from cranectl.loaders import open_again
 from cranectl.plants import PLANTS, Drive
 from cranectl.scenario import Scenario
 from cranectl.simulate import Loop, Plan, Run

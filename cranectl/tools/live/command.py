@@ -8,14 +8,20 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import cases, report
+from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.plants import DRIVES, PLANTS
 from cranectl.support import File, FileKind, Interruption, printable
+from cranectl.tools import live
+from cranectl.tools.live.guard import checked_origin, report_warnings
 
 HERE = ("127.0.0.1", "localhost", "::1")
 
@@ -68,30 +74,17 @@ def live_command(
     cranectl live settled-trajectory --layout view.json
     cranectl live settled-trajectory --speed 0.2 --record slowly.mcap
     """
-    from cranectl.cases import Case
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.plants import DRIVES, PLANTS
-    from cranectl.tools.live.child_session import ChildSession
-    from cranectl.tools.live.commands import Controls
-    from cranectl.tools.live.guard import checked_origin, report_warnings
-    from cranectl.tools.live.recorder import reserve_recording
-    from cranectl.tools.live.server import LiveServer
-    from cranectl.tools.live.session import Session
-    from cranectl.tools.live.viewers import Address
-
     loaded = request.load()
     design = ALL_CONTROLLERS.design(controller or loaded.controller.name, loaded)
-    controls = Controls(loaded, design, drive=drive, speed=speed)
+    controls = live.Controls(loaded, design, drive=drive, speed=speed)
     plants = PLANTS.to_run(plants, loaded.rig)
     if layout:
-        from cranectl.report.viewer_layouts import layout_json
-
         with File(layout).writing():
-            File(layout).write_text(layout_json("live", plants=plants, rig=loaded.limited_rig))
-    session_type = ChildSession if ALL_CONTROLLERS.opened.files else Session
+            File(layout).write_text(report.layout_json("live", plants=plants, rig=loaded.limited_rig))
+    session_type = live.ChildSession if ALL_CONTROLLERS.opened.files else live.Session
     session = session_type(loaded, design, plants=plants, drive=DRIVES.checked(drive))
-    address = Address(host, port, tuple(map(checked_origin, origins)))
-    log = Case.log_in(Case.LOG_DIRECTORY, loaded, design.name, drive)
+    address = live.Address(host, port, tuple(map(checked_origin, origins)))
+    log = cases.Case.log_in(cases.Case.LOG_DIRECTORY, loaded, design.name, drive)
     requested = record or log.with_stem(f"{log.stem}-live")
     choices = [(plant, session.drive, name) for plant in plants for name in {design.name, *ALL_CONTROLLERS}]
     IdleSettings.print(
@@ -100,9 +93,9 @@ def live_command(
     with (
         _until_ended() as stop,
         report_warnings(_warn),
-        reserve_recording(requested, numbered=record is None) as log_file,
+        live.reserve_recording(requested, numbered=record is None) as log_file,
     ):
-        server = LiveServer(session, controls, address, log_file)
+        server = live.LiveServer(session, controls, address, log_file)
         if host not in HERE:
             _warn(
                 f"listening on {host}: anyone who reaches port {server.port} there can "

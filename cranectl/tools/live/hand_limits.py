@@ -20,7 +20,7 @@ from math import comb, hypot, sqrt
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from cranectl.planning.limits import Limits, limits_of
+from cranectl.planning import Limits, limits_of
 from cranectl.reference import HandLimits
 from cranectl.scenario import Scenario
 from cranectl.support import Array, InputError

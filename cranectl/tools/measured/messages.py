@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cranectl import mcap_columns
 from cranectl.support import Array, TableHead
 from cranectl.tools.measured.arrays import DEEPEST, MAX_LEFT_OUT
 
@@ -88,8 +89,6 @@ def read_mcap(path: Path, where: str) -> TableHead:
     """Return the head of an MCAP file with rows of signals, JSON or messages of ROS."""
     from mcap.reader import make_reader
 
-    from cranectl.mcap_columns import McapFile
-
     arrays: dict[str, Array] = {}
     with path.open("rb") as stream:
         summary = make_reader(stream).get_summary()
@@ -97,7 +96,7 @@ def read_mcap(path: Path, where: str) -> TableHead:
     if {channel.message_encoding for channel in channels} & ROS:
         return read_bag(path, where)
     with path.open("rb") as stream:
-        file = McapFile(path, stream)
+        file = mcap_columns.McapFile(path, stream)
         rows = file.columns(lambda _: True)
     for number, column in rows.items():
         channel = file.channels[number]

@@ -4,8 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from cranectl.report.page import Fact, Figure, FirstScreen, Page, Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Fact, Figure, FirstScreen, Page, Section, Table
 from cranectl.support import Quantity
 from cranectl.tools.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
 from cranectl.tools.measured.identification import MAX_MISFIT, Estimate, Identification

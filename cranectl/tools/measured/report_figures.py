@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.report.theme import Chart
+from cranectl.report import Chart
 from cranectl.tools.measured.comparison import ReadingsComparison
 from cranectl.tools.measured.identification import Identification
 from cranectl.tools.measured.uncertainty import BAND_DEVIATIONS

@@ -4,11 +4,13 @@ from pathlib import Path
 
 import click
 
+from cranectl import log as log_files
 from cranectl.cli.command import Command, OutputFile
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.names import Names
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind
+from cranectl.tools import render
 
 
 @click.command("render", cls=Command)
@@ -56,13 +58,14 @@ def render_command(
     cranectl render logs/fixed-position/lqr-ideal.mcap run.png --time 7 --camera top --size 1600x1200
     cranectl render lqr.mcap pid.mcap both.mp4 --plots
     """
-    from cranectl.log import Log
-    from cranectl.tools.render.draw import draw_runs, render_settings
-
-    settings = render_settings(out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots)
-    runs = (Log.gather(logs, labels=labels) if labels or len(logs) > 1 else Log.read(logs[0])).runs
+    settings = render.render_settings(
+        out, time=time, size=size, fps=fps, speed=speed, camera=camera, plots=plots
+    )
+    runs = (
+        log_files.Log.gather(logs, labels=labels) if labels or len(logs) > 1 else log_files.Log.read(logs[0])
+    ).runs
     with Screen.progress_bar(max(run.end_s for run in runs.values()), out.name, done="drawn") as advance:
-        shown = draw_runs(runs, settings, progress=advance)
+        shown = render.draw_runs(runs, settings, progress=advance)
     what = f"picture at {shown:g} s" if settings.suffix == ".png" else f"video of {shown:g} s"
     Screen().print(f"{what}: {out}")
     return ExitCode.GOOD

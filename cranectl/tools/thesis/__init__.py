@@ -1,1 +1,5 @@
 """Reproduce the tables and figures of the thesis behind cranectl."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

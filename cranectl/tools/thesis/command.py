@@ -8,6 +8,7 @@ from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind
+from cranectl.tools import thesis
 
 
 @click.command("thesis", cls=Command)
@@ -31,20 +32,19 @@ def thesis_command(report: Path | None, screen: Screen) -> int:
 
 def run_thesis(screen: Screen, report: Path | None, figure_directory: Path | None = None) -> int:
     """Run the chapter, print it, write the requested page and its figures; return the exit code."""
-    from cranectl.tools.thesis.page import ChapterFigures, printed_tables, thesis_page
-    from cranectl.tools.thesis.reproduction import reproduce, total_simulated_seconds
-
-    figures = ChapterFigures() if report is not None else None
-    with Screen.progress_bar(total_simulated_seconds()) as advance:
-        result = reproduce(lambda name, seconds: advance(seconds, name), figures.watch if figures else None)
-    screen.print_each(printed_tables(result).values())
+    figures = thesis.ChapterFigures() if report is not None else None
+    with Screen.progress_bar(thesis.total_simulated_seconds()) as advance:
+        result = thesis.reproduce(
+            lambda name, seconds: advance(seconds, name), figures.watch if figures else None
+        )
+    screen.print_each(thesis.printed_tables(result).values())
     screen.print_each(result.notes())
     verdict = (
         f"{result.summary}; ? marks the fitted tolerances" if result.passed else "see the numbers in red"
     )
     screen.print(f"{Screen.PASSED if result.passed else Screen.FAILED}: {verdict}")
     if report is not None and figures is not None:
-        page = thesis_page(result, figures, Command.given())
+        page = thesis.thesis_page(result, figures, Command.given())
         screen.save_page(page, report)
         if figure_directory is not None:
             screen.print(f"figures: {page.write_figures(figure_directory)} files in {figure_directory}")

@@ -12,12 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from cranectl.planning import load_scenario
 from cranectl.reference import TimeLaw
-from cranectl.report.design import DesignReport
-from cranectl.report.page import Figure, Page, Section
-from cranectl.report.run.figures import Family, RunCurve
-from cranectl.report.run.page import LogPage
-from cranectl.report.table import Cell, Table
-from cranectl.report.theme import Chart
+from cranectl.report import Cell, Chart, DesignReport, Family, Figure, LogPage, Page, RunCurve, Section, Table
 from cranectl.simulate import Run
 from cranectl.support import TOML, Shipped
 from cranectl.tools.thesis.reproduction import (

@@ -171,7 +171,7 @@ def test_the_run_that_leaves_the_rig_is_reported() -> None:
 def test_the_command_prints_tables_and_writes_json(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cranectl.tools.thesis.reproduction.reproduce", lambda *_: reproduction()[0])
+    monkeypatch.setattr("cranectl.tools.thesis.reproduce", lambda *_: reproduction()[0])
     assert main(["thesis", "--json", "thesis.json"]) == 0
     out = capsys.readouterr().out
     for part in ("Table 5.3, p. 59", "unexplained, 5.3", "out of the rig, from 15.7", "passed: 46 explained"):

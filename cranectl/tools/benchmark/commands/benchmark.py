@@ -9,23 +9,26 @@ from typing import TYPE_CHECKING
 import click
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from cranectl import campaign as campaigns
 from cranectl.cli.command import Command, CommandGroup
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import MAX_DRAWS, File, FileKind, InputError, Shipped
+from cranectl.tools import benchmark as benchmarks
+from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
 
 if TYPE_CHECKING:
-    from cranectl.tools.benchmark.settings import Benchmark
     from cranectl.tools.benchmark.trials import Division
 
 BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
 
 
 def measured_controllers(
-    benchmark: "Benchmark", named: Sequence[str] = (), *, trust: bool = False
+    benchmark: "benchmarks.Benchmark", named: Sequence[str] = (), *, trust: bool = False
 ) -> tuple[str, ...]:
     """Return the names of the controllers `named`, by default of all controllers of `benchmark`.
 
@@ -33,8 +36,6 @@ def measured_controllers(
     of ours, or `named` has the file and the benchmark is in the working directory. Raises InputError for an
     unknown name.
     """
-    from cranectl.controllers import ALL_CONTROLLERS
-
     folder = benchmark.file.parent
     is_ours = benchmark.file.resolve().is_relative_to(Shipped.BENCHMARKS.folder.resolve())
     trust = trust or is_ours or (bool(named) and folder.resolve() == Path.cwd())
@@ -113,24 +114,16 @@ def run_benchmark(
     Exit codes: 0 all runs are there, failed ones included; 2 bad input; 3 a controller could not be run at
     all.
     """
-    from cranectl.campaign import batch_engine
-    from cranectl.cli.counts import Count
-    from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
-    from cranectl.tools.benchmark.results import run_trials
-    from cranectl.tools.benchmark.settings import Benchmark
-    from cranectl.tools.benchmark.trials import campaign_of, rules_of, trials_of
-    from cranectl.tools.benchmark.tuned import TunedResult
-
-    settings = Benchmark.read(benchmark)
+    settings = benchmarks.Benchmark.read(benchmark)
     names = measured_controllers(settings, controllers, trust=trust)
-    trials = trials_of(settings, names, sets, scenarios, division=division)
+    trials = benchmarks.trials_of(settings, names, sets, scenarios, division=division)
     if not trials:
         raise InputError(
             f"none of the sets of cranes has a scenario of these that suits {', '.join(names)}",
             allowed="scenarios that suit a controller, on sets that have them",
             remedy="leave out --scenario or --set-of-cranes, or name others",
         )
-    rules = rules_of(settings)
+    rules = benchmarks.rules_of(settings)
     directory = out or Path("logs") / f"benchmark-{settings.name}"
     screen = Screen()
     idle = idle_in_benchmark(settings, [(trial.scenario, trial.plant, trial.controller) for trial in trials])
@@ -139,12 +132,12 @@ def run_benchmark(
         idle.append("--tuned changes nothing here: controllers run with their defaults, add --division tuned")
     IdleSettings.print(screen, idle)
     numbers = functools.partial(
-        TunedResult.settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
+        benchmarks.TunedResult.settings, tuned or settings.file.parent / "tuned", rules, benchmark=benchmark
     )
-    campaign = functools.partial(campaign_of, settings, max_cranes=draws, tuned=numbers)
-    with batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
+    campaign = functools.partial(benchmarks.campaign_of, settings, max_cranes=draws, tuned=numbers)
+    with campaigns.batch_engine(scheduler, timeout) as engine, Screen.progress(*BAR) as shown:
         task = shown.add_task(settings.name, total=len(trials))
-        done = run_trials(
+        done = benchmarks.run_trials(
             trials,
             campaign,
             directory,
@@ -204,28 +197,19 @@ def report_benchmark(
     cranectl benchmark report literature.parquet
     cranectl benchmark report mine --controller mine.py:CONTROLLER --beside literature.parquet
     """
-    from cranectl.tools.benchmark.declared import controller_files
-    from cranectl.tools.benchmark.report.opening import conclusions
-    from cranectl.tools.benchmark.report.page import benchmark_page, judged_divisions
-    from cranectl.tools.benchmark.report.sets import TITLES, ranking_table
-    from cranectl.tools.benchmark.results import collect_results, find_begun_trials
-    from cranectl.tools.benchmark.settings import Benchmark
-    from cranectl.tools.benchmark.table import BenchmarkTable
-    from cranectl.tools.benchmark.trials import rules_of
-
-    settings = Benchmark.read(benchmark)
-    rules, there = rules_of(settings), _table_place(result)
+    settings = benchmarks.Benchmark.read(benchmark)
+    rules, there = benchmarks.rules_of(settings), _table_place(result)
     if there.is_file():
-        judged_table = BenchmarkTable.read(there)
+        judged_table = benchmarks.BenchmarkTable.read(there)
         judged_table.check_comparable({"rules": rules, "seed": settings.seed})
         judged_table = (
             judged_table.select(tuple(map(ControllerName.open, controllers))) if controllers else judged_table
         )
     else:
         names = measured_controllers(settings, controllers, trust=trust)
-        begun = find_begun_trials(settings, result, names)
+        begun = benchmarks.find_begun_trials(settings, result, names)
         with Screen.progress_bar(len(begun), settings.name, unit="pieces", done="read") as advance:
-            judged_table = collect_results(
+            judged_table = benchmarks.collect_results(
                 settings,
                 rules,
                 result,
@@ -236,28 +220,29 @@ def report_benchmark(
     yours: set[str] = set()
     if beside is not None or not there.is_file():
         known = [name for name, facts in judged_table.about["laws"].items() if not facts["file"]]
-        yours = judged_table.about["laws"].keys() - {*known, *controller_files(settings)}
+        yours = judged_table.about["laws"].keys() - {*known, *benchmarks.controller_files(settings)}
     if beside is not None:
-        others = BenchmarkTable.read(_table_place(beside))
-        judged_table, yours = BenchmarkTable.join([judged_table, others]), yours - others.about["laws"].keys()
+        others = benchmarks.BenchmarkTable.read(_table_place(beside))
+        judged_table = benchmarks.BenchmarkTable.join([judged_table, others])
+        yours -= others.about["laws"].keys()
     folder = result.with_suffix("") if there.is_file() else result
     page = out or Path(f"{folder}.html" if folder.name else f"{folder.absolute().name}.html")
     results = None if there.is_file() else result
-    benchmark_page(settings, judged_table, Command.given(), results, yours).write(page)
+    benchmarks.benchmark_page(settings, judged_table, Command.given(), results, yours).write(page)
     if table is not None:
-        BenchmarkTable.write(table, judged_table)
+        benchmarks.BenchmarkTable.write(table, judged_table)
     rankings: dict[str, dict[str, list[dict[str, object]]]] = {}
-    divisions = judged_divisions(settings, judged_table, yours)
+    divisions = benchmarks.judged_divisions(settings, judged_table, yours)
     for judged in divisions:
         rankings[judged.division] = {}
         for name in settings.sets:
             rankings[judged.division][name] = [standing.to_json() for standing in judged.ranking(name)]
             shown = {*judged.front(name), *yours, settings.baseline}
-            if (short := ranking_table(judged, name, "", shown)).rows:
+            if (short := benchmarks.ranking_table(judged, name, "", shown)).rows:
                 total = len(judged.ranking(name)) + len(judged.unfinished(name))
-                title = f"{TITLES[judged.division]}, {name}, on {settings.plant}"
+                title = f"{benchmarks.TITLES[judged.division]}, {name}, on {settings.plant}"
                 screen.print(replace(short, title=f"{title}: {len(short.rows)} of {total}"))
-    screen.print_each(conclusions(divisions))
+    screen.print_each(benchmarks.conclusions(divisions))
     screen.print(f"report: {page}")
     screen.write_json({"benchmark": settings.name, **judged_table.about, "divisions": rankings})
 

@@ -1,15 +1,18 @@
 """Settings of a user's benchmark that change nothing in any of its runs."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
-from cranectl.cli.command import ScenarioRequest
 from cranectl.cli.idle import IdleSettings
+from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.support import Shipped
-from cranectl.tools.benchmark.settings import Benchmark
-from cranectl.tools.benchmark.trials import scenario_source
+from cranectl.tools import benchmark as benchmarks
+
+if TYPE_CHECKING:
+    from cranectl.tools.benchmark.settings import Benchmark
 
 
-def idle_in_benchmark(benchmark: Benchmark, runs: Iterable[tuple[str, str, str]]) -> list[str]:
+def idle_in_benchmark(benchmark: "Benchmark", runs: Iterable[tuple[str, str, str]]) -> list[str]:
     """Say what of a user's benchmark changes nothing in any of its runs.
 
     `runs`: scenario of the benchmark, plant and controller of each.
@@ -21,6 +24,8 @@ def idle_in_benchmark(benchmark: Benchmark, runs: Iterable[tuple[str, str, str]]
         if uses := [
             (plant, benchmark.drive, controller) for scenario, plant, controller in listed if scenario == name
         ]:
-            request = ScenarioRequest(scenario_source(benchmark, name), None, [*benchmark.set, *measured.set])
+            request = ScenarioRequest(
+                benchmarks.scenario_source(benchmark, name), None, [*benchmark.set, *measured.set]
+            )
             lines += IdleSettings.lines(request.load(), request, uses, unread=("log.*", "expected"))
     return lines

@@ -11,10 +11,12 @@ from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.counts import Count
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.report import Cell, Table
+from cranectl.tools import benchmark as benchmarks
 from cranectl.tools.benchmark.commands.benchmark import measured_controllers
+from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
 
 if TYPE_CHECKING:
-    from cranectl.report.table import Table
     from cranectl.tools.benchmark.tuning import Tuned
 
 
@@ -61,29 +63,22 @@ def tune_command(
     cranectl tune super_twisting.py:SUPER_TWISTING
     cranectl tune mine.py:MINE --runs 160 --out logs/mine
     """
-    from cranectl.cli.counts import Count
-    from cranectl.tools.benchmark.commands.idle import idle_in_benchmark
-    from cranectl.tools.benchmark.declared import variables_of
-    from cranectl.tools.benchmark.settings import Benchmark
-    from cranectl.tools.benchmark.trials import rules_of
-    from cranectl.tools.benchmark.tuned import TunedResult
-    from cranectl.tools.benchmark.tuning import tune
-
-    benchmark = Benchmark.read(benchmark_name)
+    benchmark = benchmarks.Benchmark.read(benchmark_name)
     (name,) = measured_controllers(benchmark, [controller], trust=trust)
-    files, rules = TunedResult.files(out, name), rules_of(benchmark)
+    files, rules = benchmarks.TunedResult.files(out, name), benchmarks.rules_of(benchmark)
     plants = dict.fromkeys([benchmark.tuning_plant, benchmark.plant])
     runs_of = [(scenario, plant, name) for scenario in benchmark.tuning.scenarios for plant in plants]
     IdleSettings.print(
         screen, [*idle_in_benchmark(benchmark, runs_of), *IdleSettings.timeout_lines([name], timeout)]
     )
-    keys, search = [variable.key for variable in variables_of(name)], TunedResult.search(name, rules)
-    unfinished = TunedResult.unfinished_file(out, name)
-    if known := TunedResult.read_unfinished(unfinished, search):
+    keys = [variable.key for variable in benchmarks.variables_of(name)]
+    search = benchmarks.TunedResult.search(name, rules)
+    unfinished = benchmarks.TunedResult.unfinished_file(out, name)
+    if known := benchmarks.TunedResult.read_unfinished(unfinished, search):
         screen.print(f"goes on after {len(known)} candidates in {unfinished}")
     total = (runs or benchmark.tuning.runs) + benchmark.tuning.validation_runs
     with Screen.progress_bar(total, name, unit="runs", done="done") as advance:
-        tuned = tune(
+        tuned = benchmarks.tune(
             benchmark,
             name,
             runs=runs,
@@ -91,10 +86,12 @@ def tune_command(
             timeout=timeout,
             advance=advance,
             known=known,
-            keep=lambda points: TunedResult.write_points(unfinished, keys, points, {"search": search}),
+            keep=lambda points: benchmarks.TunedResult.write_points(
+                unfinished, keys, points, {"search": search}
+            ),
         )
-    table = TunedResult.table(tuned, benchmark, rules)
-    TunedResult.write(tuned, table, files)
+    table = benchmarks.TunedResult.table(tuned, benchmark, rules)
+    benchmarks.TunedResult.write(tuned, table, files)
     unfinished.unlink(missing_ok=True)
     if not tuned.variables:
         screen.print(f"{name} has nothing to tune: none of its parameters says where to search")
@@ -103,10 +100,8 @@ def tune_command(
     screen.write_json({**table, "files": [str(path) for path in files]})
 
 
-def _table(tuned: "Tuned") -> "Table":
+def _table(tuned: "Tuned") -> Table:
     """Return a table of numbers, cost and failures: untuned, with half and with all of the budget."""
-    from cranectl.report.table import Cell, Table
-
     points = tuned.best_points
     rows = [
         Cell.row(variable.key, *(f"{point.values[k]:g}" for point in points.values()))

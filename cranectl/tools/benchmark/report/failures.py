@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.campaign import MANIFEST_FILE, Manifest, read_manifest
-from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Section, Table
 from cranectl.status import RunStatus
 from cranectl.tools.benchmark.declared import controller_files
 from cranectl.tools.benchmark.ranking import Judged

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.campaign import failure_interval
-from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Section, Table
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.ranking import Judged, Standing, points_of
 from cranectl.tools.benchmark.report.pictures import KEY, set_pictures

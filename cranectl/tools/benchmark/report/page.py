@@ -3,8 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from cranectl.report.page import Page, Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Page, Section, Table
 from cranectl.tools.benchmark.declared import information_class
 from cranectl.tools.benchmark.ranking import Judged
 from cranectl.tools.benchmark.report.failures import failures_section

@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.report.page import Figure
-from cranectl.report.theme import Chart
+from cranectl.report import Chart, Figure
 from cranectl.support import Array
 from cranectl.tools.benchmark.ranking import Judged, points_of
 from cranectl.tools.benchmark.report.sets import OUR_CONTROLLER, shown_name

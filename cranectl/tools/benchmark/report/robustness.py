@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cranectl.campaign import FAILED
-from cranectl.report.page import Section
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Section, Table
 from cranectl.support import Mask
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.ranking import Judged

@@ -9,9 +9,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.ticker import LogLocator, NullLocator
 
 from cranectl.campaign import CampaignFigures, failure_interval
-from cranectl.report.page import Figure, Section
-from cranectl.report.table import Cell, Table
-from cranectl.report.theme import Chart
+from cranectl.report import Cell, Chart, Figure, Section, Table
 from cranectl.support import Array, Mask
 from cranectl.tools.benchmark import scores
 from cranectl.tools.benchmark.declared import information_class

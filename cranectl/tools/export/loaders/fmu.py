@@ -21,8 +21,7 @@ from typing import Any
 import numpy as np
 
 from cranectl.controllers import Controller, Logged, Nominal
-from cranectl.loaders.declaration_process import ask_declaration
-from cranectl.loaders.opening import ControllerFile, directory_of, slug
+from cranectl.loaders import ControllerFile, ask_declaration, directory_of, slug
 from cranectl.support import Array, CompiledStep, ForeignCode, InputError
 from cranectl.tools.export.loaders import fmi, fmu_step
 from cranectl.tools.export.loaders.fmu_variables import Variables, variables_of

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
-from cranectl.loaders.opening import ControllerFile
+from cranectl.loaders import ControllerFile
 from cranectl.signals import SignalGroup
 from cranectl.support import InputError
 

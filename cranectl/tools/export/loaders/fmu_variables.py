@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 from pydantic import Field
 
 from cranectl.controllers import Controller, Parameter
-from cranectl.loaders.opening import ControllerFile
+from cranectl.loaders import ControllerFile
 from cranectl.scenario import Settings
 from cranectl.signals import Signal, SignalGroup
 from cranectl.support import TOML, InputError

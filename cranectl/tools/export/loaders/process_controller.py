@@ -26,8 +26,7 @@ import numpy as np
 from pydantic import Field
 
 from cranectl.controllers import ALL_CONTROLLERS, Controller, Slots
-from cranectl.loaders.interpreted_step import callback_address
-from cranectl.loaders.opening import ControllerFile, complete_copy_of
+from cranectl.loaders import ControllerFile, callback_address, complete_copy_of
 from cranectl.scenario import Settings
 from cranectl.signals import Signal
 from cranectl.support import TOML, Array, InputError, Parent, Program, SafePath, in_background

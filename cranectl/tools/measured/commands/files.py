@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import click
 
+from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError, LogError
+from cranectl.tools import measured as measured_cranes
 
 if TYPE_CHECKING:
     from cranectl.simulate import Run
@@ -49,9 +51,6 @@ class MeasuredRuns(NamedTuple):
         the crane. Raises InputError as `import_runs` does, for a map without files and for files without a
         map.
         """
-        from cranectl.tools.measured.importing import each_source, import_runs
-        from cranectl.tools.measured.mapping import MeasuredMap
-
         logs = {path: _run_of_log(path, has_map=map_file is not None) for path in dict.fromkeys(files)}
         raw = [path for path, run in logs.items() if run is None]
         if map_file is None:
@@ -68,9 +67,9 @@ class MeasuredRuns(NamedTuple):
                 allowed="--map for measured files",
                 remedy="leave --map out",
             )
-        mapping = MeasuredMap.read(map_file)
-        sources = each_source(raw, mapping, sheets)
-        results = import_runs(sources, mapping, directory=map_file.parent, rig=rig)
+        mapping = measured_cranes.MeasuredMap.read(map_file)
+        sources = measured_cranes.each_source(raw, mapping, sheets)
+        results = measured_cranes.import_runs(sources, mapping, directory=map_file.parent, rig=rig)
         named: dict[Path, list[tuple[str, Run]]] = {}
         for source, imported in zip(sources, results, strict=True):
             named.setdefault(source.files[0], []).append((source.label, imported.run))
@@ -116,8 +115,6 @@ class MeasuredRuns(NamedTuple):
 
 def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
     """Return the measured run of a log, or None for a file that needs a map; raise InputError if neither."""
-    from cranectl.log import read_log
-
     if path.is_file() and not _is_mcap(path):
         if has_map:
             return None
@@ -127,7 +124,7 @@ def _run_of_log(path: Path, *, has_map: bool) -> "Run | None":
             remedy=f"add --map FILE; this command begins one: cranectl new map {shlex.quote(str(path))}",
         )
     try:
-        run = read_log(path).get("measured")
+        run = log_files.read_log(path).get("measured")
     except LogError:
         if has_map:  # the import says what is wrong with a file that is no log of any program
             return None

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.support import File, FileKind
+from cranectl.tools import measured as measured_cranes
 from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
@@ -72,35 +74,33 @@ def identify_command(
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig my-crane.toml --replay motion
     cranectl identify day-1.mcap day-2.mcap day-3.mcap --rig lab-rig --report identified.html
     """
-    from cranectl.scenario import RigFile
-    from cranectl.tools.measured.fit import Fit
-    from cranectl.tools.measured.identification import identify
-    from cranectl.tools.measured.identified import campaign_text, rig_text
-    from cranectl.tools.measured.report import IdentificationReport
-
     path = out or Path("identified.toml")
-    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), Fit.path(path)
+    campaign, fit = path.with_name(f"{path.stem}-campaign.toml"), measured_cranes.Fit.path(path)
     given = [*files, *([map_file] if map_file else [])]
     for file, kind in ((path, IDENTIFIED), (campaign, IDENTIFIED), (fit, FileKind.JSON)):
         kind.check_place(file, inputs=given, option="--out")
     measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=rig, screen=screen)
     named = [Path(name).name for name, _ in measured.runs]
     runs = [run for _, run in measured.runs]
-    result = identify(runs, RigFile.load(rig), replay=replay, progress=screen.print)
+    result = measured_cranes.identify(
+        runs, scenario_files.RigFile.load(rig), replay=replay, progress=screen.print
+    )
     names = ", ".join(named)
     base = relpath(rig, path.parent) if Path(rig).is_file() else rig
     with File(path).writing():
-        File(fit).write_text(Fit.text(result, runs))
-        File(campaign).write_text(campaign_text(result, path.name, f"{path.stem}-campaign", names))
-        File(path).write_text(rig_text(result, base, names))
-    screen.print(IdentificationReport.table(result))
-    screen.print_each(IdentificationReport.remarks(result, named))
+        File(fit).write_text(measured_cranes.Fit.text(result, runs))
+        File(campaign).write_text(
+            measured_cranes.campaign_text(result, path.name, f"{path.stem}-campaign", names)
+        )
+        File(path).write_text(measured_cranes.rig_text(result, base, names))
+    screen.print(measured_cranes.IdentificationReport.table(result))
+    screen.print_each(measured_cranes.IdentificationReport.remarks(result, named))
     screen.print(f"rig: {path}")
     screen.print(f"campaign: {campaign}")
     unused = f"FILE --map {shlex.quote(str(map_file))}" if map_file else "LOG"
     screen.print(f"judge runs that were not used: cranectl validate {unused} --rig {shlex.quote(str(path))}")
     if report is not None:
-        page = IdentificationReport.page(result, named, Command.given())
+        page = measured_cranes.IdentificationReport.page(result, named, Command.given())
         screen.save_page(page, report)
     screen.write_json(
         {

@@ -3,18 +3,16 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
+from cranectl import cases
+from cranectl import log as log_files
 from cranectl.cli.command import Command
 from cranectl.cli.output import Screen
 from cranectl.support import FileKind, InputError
+from cranectl.tools import measured as measured_cranes
 from cranectl.tools.measured.commands.files import MeasuredRuns
-
-if TYPE_CHECKING:
-    from cranectl.tools.measured.importing import LogSource
-    from cranectl.tools.measured.mapping import MeasuredMap
 
 
 @click.command("import", cls=Command)
@@ -57,17 +55,13 @@ def import_log(
     cranectl log import monday.csv tuesday.csv --map week.toml --each
     cranectl compare logs/monday/measured.mcap
     """
-    from cranectl.log import write_log
-    from cranectl.tools.measured.importing import import_runs
-    from cranectl.tools.measured.mapping import MeasuredMap
-
-    mapping = MeasuredMap.read(map_file)
+    mapping = measured_cranes.MeasuredMap.read(map_file)
     logs = _logs(files, mapping, separate=separate, sheets=sheets, out=out)
     for path in logs:
         FileKind.MCAP.check_place(path, inputs=[*files, map_file], option="--out")
-    results = import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
+    results = measured_cranes.import_runs([*logs.values()], mapping, directory=map_file.parent, rig=rig)
     for path, imported in zip(logs, results, strict=True):
-        write_log(path, [imported.run])
+        log_files.write_log(path, [imported.run])
         MeasuredRuns.print_imported("measured", imported, screen)
         screen.print(f"log: {path}")
     if not separate:
@@ -80,12 +74,14 @@ def import_log(
 
 
 def _logs(
-    files: Sequence[Path], mapping: "MeasuredMap", *, separate: bool, sheets: str | None, out: Path | None
-) -> Mapping[Path, "LogSource"]:
+    files: Sequence[Path],
+    mapping: "measured_cranes.MeasuredMap",
+    *,
+    separate: bool,
+    sheets: str | None,
+    out: Path | None,
+) -> Mapping[Path, "measured_cranes.LogSource"]:
     """Return the logs to write, and what each is from."""
-    from cranectl.cases import Case
-    from cranectl.tools.measured.importing import LogSource, each_source
-
     if not separate:
         if sheets is not None:
             raise InputError(
@@ -93,17 +89,17 @@ def _logs(
                 allowed="--sheets for a log of each sheet",
                 remedy="add --each, or leave --sheets out and name columns as SHEET.COLUMN",
             )
-        source = LogSource(mapping.name, tuple(files))
-        return {out or Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
+        source = measured_cranes.LogSource(mapping.name, tuple(files))
+        return {out or cases.Case.LOG_DIRECTORY / mapping.name / "measured.mcap": source}
     if out is not None:
         raise InputError(
             f"--out {out} for several logs",
             allowed="the places logs/NAME/FILE.mcap, with the name in the map",
             remedy="leave --out out, and write another name into the map for another directory",
         )
-    logs: dict[Path, LogSource] = {}
-    for source in each_source(files, mapping, sheets):
-        path = Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
+    logs: dict[Path, measured_cranes.LogSource] = {}
+    for source in measured_cranes.each_source(files, mapping, sheets):
+        path = cases.Case.LOG_DIRECTORY / mapping.name / f"{source.name}.mcap"
         if path in logs:
             raise InputError(
                 f"{source.label} and {logs[path].label} would both become {path}",

@@ -10,16 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cranectl import log as log_files
+from cranectl import support
 from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.output import Screen
 from cranectl.cli.refused_options import refuse_options
-from cranectl.support import FileKind, InputError
+from cranectl.plants import PLANTS
+from cranectl.report import Cell, Table
+from cranectl.signals import SignalGroup
+from cranectl.support import FileKind, InputError, JUnitCase
+from cranectl.tools import measured as measured_cranes
 from cranectl.tools.measured.commands.files import MeasuredRuns
 
 if TYPE_CHECKING:
-    from cranectl.log import Layer
-    from cranectl.report.table import Table
     from cranectl.simulate import Run
     from cranectl.tools.measured.replay import Replay
 
@@ -31,7 +35,7 @@ SHOWN = {"m": (1e3, "mm"), "rad": (degrees(1.0), "°")}
 
 def compare_measured(
     log: Path,
-    measured: "Layer",
+    measured: "log_files.Layer",
     plants: tuple[str, ...],
     *,
     replay: "Replay | None",
@@ -41,16 +45,10 @@ def compare_measured(
     """Print measured minus predicted of each signal, and write both as an overlay to `out`."""
     import numpy as np
 
-    from cranectl.log import Layer, Log
-    from cranectl.plants import PLANTS
-    from cranectl.support import Provenance
-    from cranectl.tools.measured.comparison import predict
-    from cranectl.tools.measured.replay import REPEATED, default_replay
-
     if out is not None:
         FileKind.MCAP.check_place(out, inputs=[log], option="--out")
     run = measured.run
-    replayed = replay or default_replay(run)
+    replayed = replay or measured_cranes.default_replay(run)
     rig = run.scenario.rig
     own = rig.model if replayed != "motion" and rig.model and Path(rig.model).is_file() else None
     names = plants or (PLANTS.REFERENCE, *((PLANTS.find(own).name,) if own else ()))
@@ -61,10 +59,10 @@ def compare_measured(
                 allowed="plants with ideal drives, or --replay commands",
                 remedy="take --replay commands, or other --plants",
             )
-    predicted = {plant: predict(run, plant, replayed) for plant in names}
+    predicted = {plant: measured_cranes.predict(run, plant, replayed) for plant in names}
     summaries = {plant: _residuals(prediction) for plant, prediction in predicted.items()}
     for plant, prediction in predicted.items():
-        title = f"measured minus predicted, {plant}, {REPEATED[replayed]}"
+        title = f"measured minus predicted, {plant}, {measured_cranes.REPEATED[replayed]}"
         screen.print(residual_table(title, summaries[plant]))
         distance = prediction.load_residual
         worst = int(np.argmax(distance))
@@ -74,8 +72,11 @@ def compare_measured(
         if prediction.status.stopped:
             screen.print(f"the prediction ended early: {prediction.status.label} at {prediction.end_s:g} s")
     if out is not None:
-        labelled = {f"predicted-{plant}": Layer(p, 1, Provenance.now()) for plant, p in predicted.items()}
-        Log({MEASURED_LABEL: measured, **labelled}).write_overlay(out)
+        labelled = {
+            f"predicted-{plant}": log_files.Layer(p, 1, support.Provenance.now())
+            for plant, p in predicted.items()
+        }
+        log_files.Log({MEASURED_LABEL: measured, **labelled}).write_overlay(out)
         screen.print(f"log: {out}")
         screen.print(f"see it over time: cranectl report {shlex.quote(str(out))}")
     screen.write_json(
@@ -90,10 +91,8 @@ def compare_measured(
     return ExitCode.GOOD
 
 
-def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
+def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> Table:
     """Return the largest residual of each signal in mm or degrees, and when it occurs."""
-    from cranectl.report.table import Cell, Table
-
     rows = []
     for row in residuals:
         factor, unit = SHOWN[row["unit"]]
@@ -108,8 +107,6 @@ def residual_table(title: str, residuals: Sequence[dict[str, Any]]) -> "Table":
 def _residuals(prediction: "Run") -> list[dict[str, Any]]:
     """Return sizes and times of the residuals of a prediction as plain data, in SI units."""
     import numpy as np
-
-    from cranectl.signals import SignalGroup
 
     residuals = []
     for signal, values in zip(SignalGroup.RESIDUAL.signals, prediction.block("residual").T, strict=True):
@@ -149,11 +146,6 @@ def judge_runs(
     screen: Screen,
 ) -> int:
     """Judge measured runs by an identified crane, and tell the answers; return the exit code."""
-    from cranectl.support import JUnitCase
-    from cranectl.tools.measured.fit import Fit
-    from cranectl.tools.measured.report import VerdictReport
-    from cranectl.tools.measured.verdict import COVERED, WITHIN_TOLERANCE, judge
-
     context = click.get_current_context()
     given = {
         str(option.opts[0]): context.get_parameter_source(str(option.name))
@@ -178,19 +170,24 @@ def judge_runs(
             remedy="cranectl validate LOG --rig identified.toml --tolerance 5mm",
         )
     accepted = None if tolerance is None else _length(tolerance)
-    fit = Fit.read(Path(rig))
+    fit = measured_cranes.Fit.read(Path(rig))
     files = [Path(name) for name in names]
     measured = MeasuredRuns.read(files, map_file=map_file, sheets=sheets, rig=str(rig), screen=screen)
     runs, repeated = _distinct_runs(measured.runs)
-    verdicts = judge(runs, fit, tolerance=accepted)
-    good = [verdict.answer in (COVERED, WITHIN_TOLERANCE) for verdict in verdicts]
-    screen.print(VerdictReport.table(verdicts))
+    verdicts = measured_cranes.judge(runs, fit, tolerance=accepted)
+    good = [
+        verdict.answer in (measured_cranes.COVERED, measured_cranes.WITHIN_TOLERANCE) for verdict in verdicts
+    ]
+    screen.print(measured_cranes.VerdictReport.table(verdicts))
     for verdict in verdicts:
         screen.print_each(
             f"{verdict.name}: {t}"
-            for t in (VerdictReport.explanation(verdict, accepted), *VerdictReport.asides(verdict))
+            for t in (
+                measured_cranes.VerdictReport.explanation(verdict, accepted),
+                *measured_cranes.VerdictReport.asides(verdict),
+            )
         )
-    screen.print(VerdictReport.sentence(verdicts))
+    screen.print(measured_cranes.VerdictReport.sentence(verdicts))
     screen.print_each(
         f"{name} is given twice, and judged once"
         if name == first
@@ -209,13 +206,13 @@ def judge_runs(
                 str(rig),
                 v.name,
                 "passed" if passed else "failed",
-                (VerdictReport.explanation(v, accepted), again),
+                (measured_cranes.VerdictReport.explanation(v, accepted), again),
             )
             for v, passed in zip(verdicts, good, strict=True)
         ]
         screen.save_junit(cases, junit)
     if report is not None:
-        screen.save_page(VerdictReport.page(verdicts, accepted, Command.given()), report)
+        screen.save_page(measured_cranes.VerdictReport.page(verdicts, accepted, Command.given()), report)
     return ExitCode.GOOD if all(good) else ExitCode.LIMIT_EXCEEDED
 
 
@@ -223,14 +220,16 @@ def _distinct_runs(
     named: Sequence[tuple[str, "Run"]],
 ) -> tuple[dict[str, "Run"], list[tuple[str, str]]]:
     """Return measured runs by name, and each further name of one with the name of the first."""
-    from cranectl.tools.measured.identity import Trace, repeated_in
-
     runs: dict[str, Run] = {}
-    traces: dict[str, Trace] = {}
+    traces: dict[str, measured_cranes.Trace] = {}
     repeated = []
     for name, run in named:
-        trace = Trace.of(run)
-        same = [*traces].index(name) if name in traces else repeated_in(trace, [*traces.values()])
+        trace = measured_cranes.Trace.of(run)
+        same = (
+            [*traces].index(name)
+            if name in traces
+            else measured_cranes.repeated_in(trace, [*traces.values()])
+        )
         if same is None:
             runs[name], traces[name] = run, trace
         else:
@@ -240,8 +239,6 @@ def _distinct_runs(
 
 def _length(text: str) -> float:
     """Return a length such as 5mm in metres."""
-    from cranectl.tools.measured.mapping import LENGTHS
-
     match = re.fullmatch(r"([0-9.]+(?:e-?\d+)?)\s*(m|cm|mm)", text)
     if match is None or not float(match[1]) > 0.0:
         raise InputError(
@@ -249,4 +246,4 @@ def _length(text: str) -> float:
             allowed="a length with its unit: m, cm or mm",
             remedy="write --tolerance 5mm",
         )
-    return float(match[1]) * LENGTHS[match[2]]
+    return float(match[1]) * measured_cranes.LENGTHS[match[2]]

@@ -4,13 +4,18 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import scenario as scenario_files
+from cranectl.cli.command import Command
 from cranectl.cli.completion import Completion
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.plants import DRIVES
 from cranectl.support import FileKind
+from cranectl.tools import robustness
 
 # Of the laboratory rig, and on another one scaled by similarity.
 ROPE_LENGTHS = (0.2, 0.45, 0.7, 1.0, 1.3)
@@ -91,16 +96,6 @@ def certify_command(
     cranectl certify pole-placement --tilt 0 0 --time-constant 0.05 --delay 0.02 --limits
     cranectl certify lqr+loop-shaping --set effects.body={} --set effects.frame={}
     """
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.plants import DRIVES
-    from cranectl.scenario import Scaled
-    from cranectl.tools.robustness.certificate.certify import certify, make_nominal_loops
-    from cranectl.tools.robustness.certificate.conservatism import find_limits
-    from cranectl.tools.robustness.certificate.linear_plant import LINEAR, NOT_LINEAR, present
-    from cranectl.tools.robustness.certificate.operating_points import OperatingPoint
-    from cranectl.tools.robustness.certificate.structured import drive_margins
-    from cranectl.tools.robustness.report.tables import CertificateTables
-
     if time_constant is not None:
         request = request.having(*(f"rig.{name}_time_constant={time_constant!r}" for name in DRIVEN))
     if delay is not None:
@@ -111,42 +106,42 @@ def certify_command(
     flat = design.axis_design is not None
     shortest = loaded.rig.rope_range[0]
     size = loaded.rig.length_scale
-    length_scale, tilt_scale, speed_scale = Scaled(1.0), Scaled(-1.0), Scaled(0.5)
+    length_scale, tilt_scale, speed_scale = map(scenario_files.Scaled, (1.0, -1.0, 0.5))
     scaled_lengths = {max(length_scale.sized(length, size), shortest): None for length in ROPE_LENGTHS}
     scaled_tilts = [(tilt_scale.sized(alpha, size), tilt_scale.sized(beta, size)) for alpha, beta in TILTS]
     scaled_speeds = [speed_scale.sized(speed, size) for speed in HOISTING_SPEEDS]
-    points = OperatingPoint.grid(
+    points = robustness.OperatingPoint.grid(
         loaded,
         rope_lengths=rope_lengths or list(scaled_lengths),
         tilts=tilts or (scaled_tilts if flat else scaled_tilts[:1]),
         hoisting_speeds=hoisting_speeds or (scaled_speeds if flat else (0.0,)),
     )
-    nominal_loops = make_nominal_loops(loaded, design, points, open_at)
+    nominal_loops = robustness.make_nominal_loops(loaded, design, points, open_at)
     with Screen.progress_bar(len(points), design.name, done="points") as advance:
-        certificate = certify(nominal_loops, loaded, points, drive=checked, progress=advance)
+        certificate = robustness.certify(nominal_loops, loaded, points, drive=checked, progress=advance)
     nominal_loop = nominal_loops[certificate.worst.point.rope_length]
     inner = nominal_loop.inner_loop(loaded, certificate.worst.point, checked)
-    margins = drive_margins(inner, nominal_loop.opening.axis.robustifier, nominal_loop.period)
+    margins = robustness.drive_margins(inner, nominal_loop.opening.axis.robustifier, nominal_loop.period)
     lengths = sorted({point.rope_length for point in points})
-    ends = [OperatingPoint(length) for length in dict.fromkeys((lengths[0], lengths[-1]))] if limits else []
-    limit_list = [find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends]
-    screen.print(CertificateTables.map(certificate))
-    screen.print_each(CertificateTables.summary_lines(certificate))
-    screen.print(CertificateTables.drives(margins, certificate.worst))
+    end_lengths = dict.fromkeys((lengths[0], lengths[-1])) if limits else ()
+    ends = [robustness.OperatingPoint(length) for length in end_lengths]
+    limit_list = [
+        robustness.find_limits(nominal_loops[end.rope_length], loaded, end, checked) for end in ends
+    ]
+    screen.print(robustness.CertificateTables.map(certificate))
+    screen.print_each(robustness.CertificateTables.summary_lines(certificate))
+    screen.print(robustness.CertificateTables.drives(margins, certificate.worst))
     if limit_list:
-        screen.print(CertificateTables.limits(limit_list))
-    taken, left = present(loaded.effects, LINEAR), present(loaded.effects, NOT_LINEAR)
+        screen.print(robustness.CertificateTables.limits(limit_list))
+    taken = robustness.present(loaded.effects, robustness.LINEAR)
+    left = robustness.present(loaded.effects, robustness.NOT_LINEAR)
     for what, names in (("of the effects, in the linear loop", taken), ("not linear, left out", left)):
         if names:
             screen.print(f"{what}: {', '.join(names)}")
     unread = (*IdleSettings.OF_RUNS, *IdleSettings.OF_MOTIONS)
     IdleSettings.print_in_analysis(screen, loaded, request, [controller], drive=checked, unread=unread)
     if plot is not None:
-        from cranectl.tools.robustness.report.page import (
-            certificate_figure,  # matplotlib, only where asked for
-        )
-
-        screen.save_figure(certificate_figure(certificate, (nominal_loop, inner)), plot)
+        screen.save_figure(robustness.certificate_figure(certificate, (nominal_loop, inner)), plot)
     data = certificate.to_json() | {
         "drive_margins_at_worst": margins.to_json(),
         "taken_in": taken,

@@ -6,12 +6,18 @@ from pathlib import Path
 
 import click
 
-from cranectl.cli.command import Command, ScenarioRequest
+from cranectl import cases, support
+from cranectl import log as log_files
+from cranectl import scenario as scenario_files
+from cranectl.cli.command import Command
 from cranectl.cli.controller_options import ControllerName
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.output import Screen
+from cranectl.cli.scenario_request import ScenarioRequest
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import FileKind
+from cranectl.tools import robustness
 
 EVERY = 10  # samples: a dozen runs in one file for viewers
 
@@ -21,9 +27,7 @@ class LadderCommand(Command):
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help, with a line for each level in place of LEVELS."""
-        from cranectl.tools.robustness.levels import LEVELS
-
-        levels = "\n".join(f"{level.name:11} {level.adds}" for level in LEVELS)
+        levels = "\n".join(f"{level.name:11} {level.adds}" for level in robustness.LEVELS)
         self.help = cleandoc(str(self.help)).replace("LEVELS", levels)
         super().format_help_text(ctx, formatter)
 
@@ -61,37 +65,29 @@ def ladder_command(
     cranectl ladder settled-trajectory --controller lqr+loop-shaping --top delay
     cranectl ladder fixed-position --set effects.delay.seconds=0.02 --report ladder.html
     """
-    from cranectl.cases import Case
-    from cranectl.controllers import ALL_CONTROLLERS
-    from cranectl.log import Layer, Log, check_recordable
-    from cranectl.support import Provenance
-    from cranectl.tools.robustness.ladder import evaluate_levels, simulated_seconds
-    from cranectl.tools.robustness.levels import LEVELS, NAMES
-    from cranectl.tools.robustness.report.tables import LadderTables
-
-    top = top or NAMES[-1]
+    top = top or robustness.NAMES[-1]
     loaded = request.load()
     name = controller or loaded.controller.name
-    log = out or Case.LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
+    log = out or cases.Case.LOG_DIRECTORY / loaded.name / f"{name}-ladder.mcap"
     FileKind.MCAP.check_place(log, option="--out")
-    check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), LEVELS[-1].drive)
+    log_files.check_recordable(loaded, ALL_CONTROLLERS.design(name, loaded), robustness.LEVELS[-1].drive)
     results = []
-    with Screen.progress_bar(simulated_seconds(loaded, top)) as advance:
-        for result in evaluate_levels(loaded, name, top=top, progress=advance):
+    with Screen.progress_bar(robustness.simulated_seconds(loaded, top)) as advance:
+        for result in robustness.evaluate_levels(loaded, name, top=top, progress=advance):
             advance(0.0, f"{loaded.name}, {result.level.name}")
             results.append(result)
-    made_by = Provenance.now()
-    Log({r.level.name: Layer(r.run.every(EVERY), EVERY, made_by) for r in results}).write_overlay(log)
-    screen.print(LadderTables.differences(results))
+    made_by = support.Provenance.now()
+    log_files.Log(
+        {r.level.name: log_files.Layer(r.run.every(EVERY), EVERY, made_by) for r in results}
+    ).write_overlay(log)
+    screen.print(robustness.LadderTables.differences(results))
     added = {result.level.name for result in results}
     unread = [*IdleSettings.OF_RUNS, *_other_effects(added)]
     IdleSettings.print_in_analysis(screen, loaded, request, [name], with_model=True, unread=unread)
     screen.print(f"log: {log}")
     screen.print(f"view: cranectl log layout ladder view.json --log {shlex.quote(str(log))}")
     if report is not None:
-        from cranectl.tools.robustness.report.page import ladder_page
-
-        screen.save_page(ladder_page(loaded, name, results, Command.given()), report)
+        screen.save_page(robustness.ladder_page(loaded, name, results, Command.given()), report)
     screen.write_json(
         {"scenario": loaded.name, "controller": name, "levels": [result.to_json() for result in results]}
     )
@@ -100,6 +96,4 @@ def ladder_command(
 
 def _other_effects(added: set[str]) -> list[str]:
     """Return patterns of the settings of all effects but those `added`."""
-    from cranectl.scenario import EFFECTS
-
-    return [f"effects.{name}.*" for name in EFFECTS if name not in added]
+    return [f"effects.{name}.*" for name in scenario_files.EFFECTS if name not in added]

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from cranectl.report.page import Figure, Page, Section
-from cranectl.report.theme import Chart
+from cranectl.report import Chart, Figure, Page, Section
 from cranectl.scenario import Scenario
 from cranectl.support import Palette
 from cranectl.tools.robustness.certificate.certify import Certificate, NominalLoop

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from cranectl.report.table import Cell, Table
+from cranectl.report import Cell, Table
 from cranectl.support import Quantity, Tree
 from cranectl.tools.robustness.certificate.certify import Certificate, Grade, PointVerdict
 from cranectl.tools.robustness.certificate.conservatism import LargestValues

@@ -1,0 +1,12 @@
+from .c_controller import HEADER as HEADER
+from .c_controller import check_compiled as check_compiled
+from .c_controller import compile_command as compile_command
+from .declaration_process import ask_declaration as ask_declaration
+from .interpreted_step import callback_address as callback_address
+from .opening import ControllerFile as ControllerFile
+from .opening import complete_copy_of as complete_copy_of
+from .opening import directory_of as directory_of
+from .opening import file_from as file_from
+from .opening import open_again as open_again
+from .opening import open_controller as open_controller
+from .opening import slug as slug

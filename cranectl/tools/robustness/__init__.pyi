@@ -1,0 +1,16 @@
+from .certificate.certify import certify as certify
+from .certificate.certify import make_nominal_loops as make_nominal_loops
+from .certificate.conservatism import find_limits as find_limits
+from .certificate.linear_plant import LINEAR as LINEAR
+from .certificate.linear_plant import NOT_LINEAR as NOT_LINEAR
+from .certificate.linear_plant import present as present
+from .certificate.operating_points import OperatingPoint as OperatingPoint
+from .certificate.structured import drive_margins as drive_margins
+from .ladder import evaluate_levels as evaluate_levels
+from .ladder import simulated_seconds as simulated_seconds
+from .levels import LEVELS as LEVELS
+from .levels import NAMES as NAMES
+from .report.page import certificate_figure as certificate_figure
+from .report.page import ladder_page as ladder_page
+from .report.tables import CertificateTables as CertificateTables
+from .report.tables import LadderTables as LadderTables
