@@ -98,7 +98,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     fixed = rig.model_dump(include={"axes", "rope"})  # empty if all axes move
     ranges, assumed = (
         {name: [float(f"{end:g}") for end in ends] for name, ends in found.items()}
-        for found in (own.ranges, own.assumed_ranges)
+        for found in plants.axis_ranges(own)
     )
     settings = {**fixed, **numbers, **ranges, **assumed}
     screen.print_each(_rig_lines(file, names, settings, assumed), indent="  ")

@@ -10,6 +10,7 @@ from .mujoco.geometry import rig_solids as rig_solids
 from .mujoco.linearisation import Equilibrium as Equilibrium
 from .mujoco.own_check import find_differences as find_differences
 from .mujoco.own_model import open_model as open_model
+from .mujoco.own_ranges import axis_ranges as axis_ranges
 from .mujoco.plant import MujocoPlant as MujocoPlant
 from .plant import DRIVES as DRIVES
 from .plant import Drive as Drive

@@ -44,7 +44,7 @@ magnitude = 0.01
 """
 UNDISTURBED = "disturbances=[]"
 # Numbers of the rig that a model has instead of the laboratory's.
-RIGS = {"tendon": ["rig.winch_mass=1e-6"]}
+RIGS = {"tendon": ["rig.winch_mass=1e-5"]}
 
 
 def write_hall(folder: Path, *, model: str = "") -> Path:

@@ -131,46 +131,6 @@ class OwnModel(SiteModel):
                 numbers[f"{PARTS[axis]}_time_constant"] = max(lag, MIN_STATED)
         return {name: float(number) for name, number in {"gravity": self.gravity, **numbers}.items()}
 
-    @property
-    def ranges(self) -> dict[str, tuple[float, float]]:
-        """The travel of the axes [m] that the limits of joints leave, by its name in a rig.
-
-        Only joints that each move one axis and no other have such a range, and the tendon of the winch.
-        """
-        data = self.new_data()
-        shown, gradient = self.show(data)
-        found = {}
-        for joint in np.flatnonzero(self.model.jnt_limited):
-            is_slide = self.model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_SLIDE)
-            moved = gradient[:3, self.model.jnt_dofadr[joint]].copy()
-            if np.abs(moved[:2]).max() > MAX_COUPLING:
-                moved[2] = 0.0  # a free load stays behind while its pivot moves
-            axis = int(np.abs(moved).argmax())
-            if is_slide and abs(np.abs(moved[axis]) - 1.0) + np.abs(moved).sum() - 1.0 < MAX_COUPLING:
-                way = self.model.jnt_range[joint] - data.qpos[self.model.jnt_qposadr[joint]]
-                ends = sorted(float(end) for end in shown[2 * axis] + moved[axis] * way)
-                found[f"{AXES[axis]}_range"] = (ends[0], ends[1])
-        tendon = self.model.actuator_trnid[self.drives[-1], 0]
-        is_tendon = self.model.actuator_trntype[self.drives[-1]] == int(mujoco.mjtTrn.mjTRN_TENDON)
-        if self.has_winch and is_tendon and self.model.tendon_limited[tendon]:
-            mujoco.mj_tendon(self.model, data)
-            falls = self.ratios[-1] / self.model.actuator_gear[self.drives[-1], 0]
-            way = (self.model.tendon_range[tendon] - data.ten_length[tendon]) / falls
-            ends = sorted(float(end) for end in shown[ROPE] + way)
-            found["rope_range"] = (max(ends[0], MIN_STATED), ends[1])
-        return found
-
-    @property
-    def assumed_ranges(self) -> dict[str, tuple[float, float]]:
-        """The travel of axes without a limit [m]: about the pose of the file, by its length of rope."""
-        length = float(self.rest[ROPE])
-        about = {"bridge_range": (0, 1.0), "trolley_range": (2, 1.0), "rope_range": (ROPE, 0.5)}
-        return {
-            name: (float(self.rest[k]) - share * length, float(self.rest[k]) + share * length)
-            for name, (k, share) in about.items()
-            if name not in self.ranges
-        }
-
     def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """Return data of the model, or of a variant, in the pose of the file or of the rig's keyframe."""
         data = mujoco.MjData(model or self.model)
