@@ -1,7 +1,5 @@
 """`cranectl info`."""
 
-import json
-from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +11,13 @@ from cranectl.cli.command import Command
 from cranectl.cli.exit_codes import ExitCode
 from cranectl.cli.idle import IdleSettings
 from cranectl.cli.info_settings import kind_of, print_rig, print_scenario
+from cranectl.cli.model_rig import model_settings, rig_lines
 from cranectl.cli.output import Screen
 from cranectl.cli.scenario_request import ScenarioRequest
 from cranectl.support import InputError, Quantity
 
 if TYPE_CHECKING:
-    from cranectl.scenario import ModelNames, RigParameters
+    from cranectl.scenario import RigParameters
     from cranectl.simulate import Run
 
 
@@ -81,7 +80,6 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     """Print what a model file is as a crane, and how it differs from others; return the exit code."""
     names = rig.model_names
     own = plants.open_model(file, names)
-    numbers = {name: float(f"{number:g}") for name, number in own.built_in.items()}  # to be copied
     differences = plants.find_differences(own)
     facts = [
         ("model", file),
@@ -95,40 +93,19 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
     screen.print_each(f"{name:26} {text}" for name, text in facts)
-    fixed = rig.model_dump(include={"axes", "rope"})  # empty if all axes move
-    ranges, assumed = (
-        {name: [float(f"{end:g}") for end in ends] for name, ends in found.items()}
-        for found in plants.axis_ranges(own)
-    )
-    settings = {**fixed, **numbers, **ranges, **assumed}
-    screen.print_each(_rig_lines(file, names, settings, assumed), indent="  ")
+    settings = model_settings(file, rig)
+    screen.print_each(rig_lines(file.as_posix(), rig, settings), indent="  ")
     listed = [difference._asdict() for difference in differences]
     screen.write_json(
         {
             "drives": own.servo,
-            "rig": {**fixed, **numbers},
-            "ranges": ranges,
-            "assumed_ranges": assumed,
+            "rig": {**settings["fixed"], **settings["numbers"]},
+            "ranges": settings["ranges"],
+            "assumed_ranges": settings["assumed"],
             "differences": listed,
         }
     )
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
-
-
-def _rig_lines(
-    file: Path,
-    names: "ModelNames",
-    settings: Mapping[str, float | list[float] | str],
-    assumed: Collection[str],
-) -> Iterator[str]:
-    """Yield what a rig file says of a model: its path, its settings, and names other than the default."""
-    yield f"model = {json.dumps(file.as_posix(), ensure_ascii=False)}"
-    for name, value in settings.items():
-        line = f"{name} = {f'{value:g}' if isinstance(value, float) else json.dumps(value)}"
-        yield f"{line}  # assumed, since the model limits it nowhere" if name in assumed else line
-    others = {key: name for key, name in names if name and name != type(names).model_fields[key].default}
-    yield from ("", "[plant.names]") if others else ()
-    yield from (f"{key} = {json.dumps(name, ensure_ascii=False)}" for key, name in others.items())
 
 
 def _print_log(log: Path, screen: Screen) -> None:

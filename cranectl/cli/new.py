@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl import loaders
+from cranectl import loaders, plants
 from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.counts import Count
+from cranectl.cli.model_rig import model_settings, rig_lines
 from cranectl.cli.output import Screen
 from cranectl.report import Cell, Table
 from cranectl.support import File, InputError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 MAP = "map"  # of measured files; NAME is such a file
+MODEL = "model"  # the rig of a model in MJCF; NAME is the model
 EXPERIMENT = "experiment"  # set-points for a crane; NAME is its rig
 TEMPLATES = Path(__file__).parent / "templates"
 ENDINGS = {
@@ -36,7 +38,7 @@ ENDINGS = {
 
 
 @click.command("new", cls=Command)
-@click.argument("kind", type=click.Choice([*ENDINGS, MAP, EXPERIMENT]))
+@click.argument("kind", type=click.Choice([*ENDINGS, MAP, MODEL, EXPERIMENT]))
 @click.argument("name")
 @click.option(
     "--in",
@@ -74,6 +76,12 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
     \b
     cranectl new map monday.csv
 
+    For a model NAME is a crane in MJCF. Its rig has the names that the geometry suggests, and the numbers
+    that the model has:
+
+    \b
+    cranectl new model mine.xml
+
     For an experiment NAME is the rig of your crane. The files are set-points for its drives: play them,
     record the crane, and let cranectl identify fit its numbers. Each run keeps the rig's workspace and
     limits of speed and acceleration, and ends at rest. The screen shows how exact each number becomes.
@@ -92,6 +100,9 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         return
     if kind == MAP:
         _write({directory / f"{Path(name).stem}-map.toml": measured_cranes.suggest_map(Path(name))})
+        return
+    if kind == MODEL:
+        _write_rig(Path(name), directory)
         return
     InputError.check_name(kind, name)
     module = name.replace("-", "_")
@@ -115,6 +126,24 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         click.echo("install pytest for the test: python -m pip install pytest")
     test = click.format_filename(directory / f"test_{module}.py")
     click.echo(f"try it: python -m pytest {shlex.quote(test)}")
+
+
+GUESSED = """\
+# Guessed from the geometry of {model}. Confirm what is in [plant.names]: where the rope leaves the
+# trolley (pivot), the point whose motion counts (load), and which actuator moves which axis. An axis without
+# an actuator is fixed.
+"""
+
+
+def _write_rig(model: Path, directory: Path) -> None:
+    """Write the rig of a model, and print how to look at it."""
+    rig, place = plants.OwnFile.guess_rig(model), directory / f"{model.stem}-rig.toml"
+    lines = rig_lines(
+        Path(relpath(model, directory)).as_posix(), rig, model_settings(model, rig), all_names=True
+    )
+    _write({place: GUESSED.format(model=model.name) + "".join(f"{line}\n" for line in lines)})
+    files = f"{shlex.quote(str(model))} --rig {shlex.quote(str(place))}"
+    click.echo(f"look at it: cranectl info {files}")
 
 
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:

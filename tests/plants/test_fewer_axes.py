@@ -14,6 +14,7 @@ from cranectl.plants.plant import DRIVES
 from cranectl.scenario.effects import Body, EffectSettings, Frame, Friction, Rope
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run, simulate_run
+from cranectl.status import RunStatus
 from cranectl.support import InputError
 from tests.conftest import PLANTS
 from tests.plants.cranes import make, simulate
@@ -153,33 +154,40 @@ def test_commands_for_fixed_axes_are_ignored() -> None:
     np.testing.assert_array_equal(run.state.axes[:, 1], 0.0)
 
 
+def line(x: float, y: float, z: float, seconds: float) -> str:
+    return f"reference.segments=[{{kind='line',to=[{x},{y},{z}],duration={seconds}}}]"
+
+
 def load_and_run(overrides: list[str]) -> Run:
     scenario = load_scenario("cart-transfer", overrides=overrides)
     return simulate_run(scenario, plant="analytic", controller=scenario.controller.name)
 
 
-REFUSED = {
-    "across": (["initial.load_offset=[0,0.01,0]"], "set initial.load_offset.1 to 0"),
-    "swing": (["initial.alpha_offset=0.1"], "set initial.alpha_offset to 0"),
-    "longer": (["initial.load_offset=[0,0,-0.01]"], "set initial.load_offset.2 to 0"),
-    "push": (["disturbances=[{force=[0,1,0],start=1.0}]"], "set disturbances.0.force.1 to 0"),
-    "turn": (["disturbances=[{joint='alpha',magnitude=1,start=1.0}]"], "set disturbances.0.magnitude to 0"),
-    "wind": (["effects.wind.mean=[1,2,0]"], "set effects.wind.mean.1 to 0"),
-    "slope": (["effects.installation.tilt=[0,0.01]"], "set effects.installation.tilt.1 to 0"),
-    "aside": (["reference.segments=[{kind='line',to=[1,0.1,-0.4],duration=3.0}]"], "give all points this y"),
-    "flat": (["controller='lqr'"], "take lqr-integral, pid or a controller of your own"),
-    "flat too": (["controller='flat-velocity'"], "take lqr-integral, pid or a controller of your own"),
-    "hoist": (["reference.segments=[{kind='line',to=[1,0,-0.5],duration=3.0}]"], "kind = 'move'"),
-    "straight": (["reference.segments=[{kind='line',to=[1,0,-0.4],duration=1.5}]"], "kind = 'move'"),
+HOISTED, ALL_AXES = "rig.rope='hoisted'", "rig.axes='xy'"
+REFUSED = {  # what is refused, its remedy, and what follows it
+    "across": (["initial.load_offset=[0,0.01,0]"], "set initial.load_offset.1 to 0", []),
+    "swing": (["initial.alpha_offset=0.1"], "or rig.axes to 'xy'", ["initial.alpha_offset=0.1", ALL_AXES]),
+    "longer": (["initial.load_offset=[0,0,-0.01]"], "set initial.load_offset.2 to 0", []),
+    "push": (["disturbances=[{force=[0,1,0],start=1.0}]"], "set disturbances.0.force.1 to 0", []),
+    "turn": (["disturbances=[{joint='alpha',magnitude=1,start=1.0}]"], "disturbances.0.magnitude to 0", []),
+    "wind": (["effects.wind.mean=[1,2,0]"], "set effects.wind.mean.1 to 0", ["effects.wind.mean=[1,0,0]"]),
+    "slope": (["effects.installation.tilt=[0,0.01]"], "set effects.installation.tilt.1 to 0", []),
+    "aside": ([line(1.0, 0.1, -0.4, 3.0)], "give all points this y", [line(1.0, 0.0, -0.4, 9.0)]),
+    "flat": (["controller='lqr'"], "or set rig.rope to 'hoisted'", ["controller='lqr'", HOISTED]),
+    "flat too": (["controller='flat-velocity'"], "take lqr-integral, pid", ["controller='pid'"]),
+    "hoist": ([line(1.0, 0.0, -0.5, 3.0)], "give points of one height, and kind = 'move'", []),
+    "straight": ([line(1.0, 0.0, -0.4, 1.5)], "kind = 'move'", []),
 }
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_a_fixed_axis_cannot_do_is_refused(name: str) -> None:
-    overrides, remedy = REFUSED[name]
+    """What its remedy says runs."""
+    overrides, remedy, followed = REFUSED[name]
     with pytest.raises(InputError) as caught:
         load_and_run(overrides)
     assert remedy in caught.value.remedy
+    assert load_and_run(followed).status == RunStatus.COMPLETED
 
 
 @pytest.mark.parametrize("place", [3, 5, 6, 7])

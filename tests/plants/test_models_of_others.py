@@ -19,6 +19,7 @@ from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.own_plant import OwnPlant
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.effects import NO_EFFECTS
+from cranectl.scenario.load import RigFile
 from cranectl.scenario.rig import ModelNames, RigParameters
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import STILL
@@ -320,6 +321,10 @@ def test_a_cart_with_a_pendulum_runs_after_its_names_are_pasted(
     assert main(["info", "cart.xml", "--as-is", *given]) == 0
     _, _, lines = capsys.readouterr().out.partition("  model = ")
     Path("rig.toml").write_text(f"model = {lines}".replace("\n  ", "\n"))
+    assert main(["new", "model", "cart.xml"]) == 0, "it guesses the same at once"
+    command = capsys.readouterr().out.splitlines()[-1].partition("cranectl ")[2]
+    assert main([*shlex.split(command), "--as-is"]) == 0
+    assert RigFile.load("cart-rig.toml") == RigFile.load("rig.toml")
     along = int(parts["axis"] == "0 1 0")
     overrides = ["duration=2", "disturbances=[]", f"reference.start={START[along]}"]
     scenario = load_scenario("fixed-position", rig="rig.toml", overrides=overrides)
@@ -342,3 +347,28 @@ def test_a_cart_with_a_pendulum_runs_after_its_names_are_pasted(
     assert abs(angle) > 0.01
     beside = np.abs(run.state - ours.state).max()
     assert beside < 1e-7 if case != "a long load" else beside > 1e-4
+
+
+def test_a_rig_begins_at_the_keyframe_in_which_the_load_hangs() -> None:
+    changed(
+        MODELS / "tendon.xml",
+        Path(),
+        ("</mujoco>", '<keyframe><key name="hangs" qpos="0 0 0 0 -0.5 1 0 0 0"/></keyframe></mujoco>'),
+        ('name="load" pos="0 0 -0.7"', 'name="load"'),
+    )
+    assert main(["new", "model", "mine.xml"]) == 0
+    rig = RigFile.load("mine-rig.toml")
+    assert rig.plant.names.keyframe == "hangs"
+    assert rig.rope_range == pytest.approx((0.25, 0.75)), "half a rope to each side"
+
+
+def test_a_model_that_is_no_crane_gets_no_rig(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("box.xml").write_text(
+        "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+    )
+    assert main(["new", "model", "box.xml"]) == 2
+    assert "nothing shows what is its pivot or its load" in capsys.readouterr().err
+    Path("cart.xml").write_text(CART.format(axis="1 0 0", hinge="0 1 0", winch="", inertia="1", drives=""))
+    assert main(["new", "model", "cart.xml"]) == 2
+    assert "nothing shows what is its drive along x or y" in capsys.readouterr().err
+    assert not [*Path().glob("*-rig.toml")]

@@ -4,6 +4,7 @@ Nothing of the model is changed but the integrator, which is RK4 as for the ship
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,9 +13,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants.mujoco.own_names import complete_names
+from cranectl.plants.mujoco.own_names import complete_names, guess_rig
 from cranectl.plants.mujoco.own_size import check_files, check_finite
-from cranectl.scenario import ModelNames
+from cranectl.scenario import ModelNames, RigParameters
 from cranectl.support import Array, InputError
 
 INTEGRATOR, FILTER, FILTEREXACT = (
@@ -35,6 +36,19 @@ SENSORS = (
 )
 
 
+@contextmanager
+def _told(file: Path) -> Iterator[None]:
+    """Turn what Python and MuJoCo raise while a file is read into an InputError."""
+    try:
+        yield
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        raise InputError(
+            f"{file}: {error}",
+            allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",
+            remedy="correct the file",
+        ) from None
+
+
 class OwnFile:
     """A model file of a user as it is run: with RK4 and SENSORS, and `names` of what makes it a crane.
 
@@ -43,7 +57,7 @@ class OwnFile:
 
     def __init__(self, file: Path, names: ModelNames) -> None:
         self.file, self.names = file, names
-        try:
+        with _told(file):
             check_files(file)
             self.spec = mujoco.MjSpec.from_file(str(file))
             complete_names(file, self.spec, names)
@@ -53,12 +67,29 @@ class OwnFile:
             self.spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
             self.model = self.spec.compile()
             check_finite(file, self.model)
-        except (OSError, ValueError, ElementTree.ParseError) as error:
-            raise InputError(
-                f"{file}: {error}",
-                allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",
-                remedy="correct the file",
-            ) from None
+
+    @staticmethod
+    def guess_rig(file: Path) -> RigParameters:
+        """Return a rig with the names that the geometry of a model in MJCF suggests, to be confirmed.
+
+        Parameters
+        ----------
+        file : Path
+            The model. It must be in SI units.
+
+        Returns
+        -------
+        RigParameters
+            Names of pivot, load, drives and perhaps a keyframe. An axis without a drive is fixed.
+
+        Raises
+        ------
+        InputError
+            If MuJoCo does not compile it, or if nothing shows where pivot and load are.
+        """
+        with _told(file):
+            check_files(file)
+            return guess_rig(file, mujoco.MjSpec.from_file(str(file)))
 
     def _add_sensors(self) -> None:
         for k, (kind, of) in enumerate(SENSORS):

@@ -1,14 +1,14 @@
 """Find what the names of a rig stand for in a user's model, and guess those that are missing."""
 
 import shlex
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from cranectl.scenario import ModelNames
+from cranectl.scenario import ModelNames, RigParameters
 from cranectl.support import InputError
 
 FIXED = {"bridge_drive": "rig.axes=y", "trolley_drive": "rig.axes=x", "winch_drive": "rig.rope=fixed"}
@@ -53,6 +53,49 @@ def _fixed(keys: Iterable[str]) -> list[str]:
     """Return the settings of a rig whose axes without a drive, such as "winch_drive", stand still."""
     settings = [FIXED[key] for key in keys]
     return settings if not {"rig.axes=x", "rig.axes=y"} <= {*settings} else []
+
+
+def guess_rig(file: Path, spec: mujoco.MjSpec) -> RigParameters:
+    """Return a rig with the names that the geometry of a model suggests; an axis without a drive is fixed.
+
+    Default names that the model has are kept. Raises InputError if no pivot or no load is found.
+    """
+    model, usual = spec.compile(), ModelNames()
+    known = {"actuator": _names(spec.actuators), "site": _names(spec.sites)}
+    names = dict(_guesses(model))
+    names |= {k: name for k, name in usual if name in known["actuator" if k.endswith("drive") else "site"]}
+    lacking = [_words(key) for key in ("pivot", "load") if key not in names]
+    missing = [key for key in FIXED if key not in names]
+    if lacking or {"bridge_drive", "trolley_drive"} <= {*missing}:
+        raise InputError(
+            f"{file}: nothing shows what is its {' or its '.join(lacking) or 'drive along x or y'}",
+            allowed="a model whose drives slide a body along x or y, below which another body hangs",
+            remedy=f"name its parts in a rig, and look at it with: cranectl info {shlex.quote(str(file))}",
+        )
+    fixed = dict(FIXED[key].removeprefix("rig.").split("=") for key in missing)
+    table = {**fixed, "plant": {"names": {**names, **_hanging_pose(model, names)}}}
+    return RigParameters.from_table(table, str(file))
+
+
+def _hanging_pose(model: mujoco.MjModel, names: Mapping[str, str]) -> dict[str, str]:
+    """Return the first keyframe in which load and pivot are apart, unless they are in the file's pose."""
+    data = mujoco.MjData(model)
+    for key in (None, *range(model.nkey)):
+        if key is not None:
+            data.qpos[:] = model.key_qpos[key]
+        mujoco.mj_kinematics(model, data)
+        pivot, load = (_place(data, names[name]) for name in ("pivot", "load"))
+        if np.linalg.norm(load - pivot) > 0.0 and (key is None or model.key(key).name):
+            return {} if key is None else {"keyframe": str(model.key(key).name)}
+    return {}
+
+
+def _place(data: mujoco.MjData, name: str) -> Any:
+    """Return where a site, or else the centre of mass of a body, is."""
+    try:
+        return data.site(name).xpos.copy()
+    except KeyError:
+        return data.body(name).xipos.copy()
 
 
 def _check_keyframe(file: Path, spec: mujoco.MjSpec, name: str) -> None:
