@@ -27,7 +27,6 @@ def slow(parameters, measured, reference, memory, command):
 FILES = {
     "short.toml": f'name = "short"\n{SHORT}',
     "own.toml": f'name = "own"\ncontroller = "law.py:damper"\n{SHORT}',
-    "pid.toml": f'name = "pid"\ncontroller = "pid"\n{SHORT}',
     "longer.toml": f'name = "short"\n{SHORT}'.replace("0.3", "0.4"),
     "renamed.toml": f'name = "longer"\n{SHORT}'.replace("0.3", "0.4"),
     "many.toml": MANY,
@@ -158,10 +157,6 @@ CASES: Cases = {
     "scenario/origins.py": [
         Case("leave this --set out", "info crane.toml --set duration=2", "info crane.toml",
              "info crane.toml --set rig.load_mass=3.0"),
-    ],
-    "cli/validate.py": [
-        Case("add --controller {}", "validate pid.toml --plants analytic --drive ideal",
-             "validate pid.toml --plants analytic --drive ideal --controller pid"),
     ],
     "compare/golden.py": [
         Case("run again with the golden log's --every", "compare coarse.mcap one.mcap --tolerances exact",
