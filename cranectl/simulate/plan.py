@@ -15,7 +15,7 @@ from cranectl.simulate.memory import RunMemory
 from cranectl.support import Array, InputError
 
 AXES = ("bridge", "trolley", "rope")
-FIXED = 1e-9  # [m] of a fixed axis along the reference, from rounding
+FIXED = 1e-9  # [m, rad] of a fixed axis along the reference, from rounding; and of its rates
 
 
 @dataclass(frozen=True)
@@ -142,19 +142,17 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
 
 def _check_fixed(scenario: Scenario, state: Array, what: str) -> None:
     """Raise InputError if a start moves a fixed axis, or swings the load of a planar crane across it."""
-    rig, names = scenario.rig, SignalGroup.STATE.names
-    still = {
-        "bridge_velocity beta beta_rate": "x" in rig.axes,
-        "trolley_velocity alpha alpha_rate": "y" in rig.axes,
-        "rope_length_rate": rig.rope == "hoisted",
-    }
-    for fixed in (name for names, moves in still.items() if not moves for name in names.split()):
-        if (value := state[names.index(fixed)]) != 0.0:
+    rig, groups = scenario.rig, [["bridge_velocity", "beta", "beta_rate"]]
+    groups += [["trolley_velocity", "alpha", "alpha_rate"], ["rope_length_rate"]]
+    still = [name for group, moves in zip(groups, rig.moves, strict=True) if not moves for name in group]
+    for name in still:
+        value = state[SignalGroup.STATE.names.index(name)]
+        if abs(value) > FIXED:
             raise InputError(
-                f"{what} with {fixed} = {value:.4g} on a crane with rig.axes = '{rig.axes}' and rig.rope = "
+                f"{what} with {name} = {value:.4g} on a crane with rig.axes = '{rig.axes}' and rig.rope = "
                 f"'{rig.rope}'",
-                allowed=f"{fixed} = 0",
-                remedy=f"set {fixed} to 0, or let the axis move",
+                allowed=f"{name} = 0",
+                remedy=f"set {name} to 0, or let the axis move",
             )
 
 
