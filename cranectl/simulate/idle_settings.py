@@ -15,7 +15,7 @@ from cranectl.controllers import ALL_CONTROLLERS, prepared
 from cranectl.design import ControllerDesign
 from cranectl.plants import DRIVES, PLANTS, Drive
 from cranectl.scenario import EFFECTS, RigParameters, Scenario
-from cranectl.simulate.plan import PlannedReference
+from cranectl.simulate.plan import AXES, PlannedReference
 from cranectl.simulate.prepared import nominal_crane
 from cranectl.support import InputError, Tree
 
@@ -104,10 +104,8 @@ class RunKind(NamedTuple):
         `zero` says for each number, by name, whether it is 0 in all runs.
         """
         entry, drive = PLANTS.entry(self.plant), self.drive
-        for axis, moves in enumerate(rig.moves):
-            patterns = (*OF_DRIVES[axis], *(pattern.format(axis) for pattern in OF_AXIS))
-            if not moves and any(fnmatchcase(name, pattern) for pattern in patterns):
-                return f"the {('bridge', 'trolley', 'rope')[axis]} does not move"
+        if fixed := _fixed_axis(name, rig):
+            return f"the {fixed} does not move"
         group = "disturbances" if name.startswith("disturbances.") else ".".join(name.split(".")[1:3])
         for lack in (group, group.partition(".")[0]):
             if reason := entry.lack(lack):
@@ -130,6 +128,15 @@ class RunKind(NamedTuple):
             if names and all(zero[other] for other in names):
                 return f"{', '.join(names)} is 0 in all runs"
         return None
+
+
+def _fixed_axis(name: str, rig: RigParameters) -> str:
+    """Return the fixed axis to which alone the setting `name` belongs, or "" if there is none."""
+    for axis, moves in enumerate(rig.moves):
+        patterns = (*OF_DRIVES[axis], *(pattern.format(axis) for pattern in OF_AXIS))
+        if not moves and any(fnmatchcase(name, pattern) for pattern in patterns):
+            return AXES[axis]
+    return ""
 
 
 def _why_idle(
@@ -169,7 +176,12 @@ def _why_idle(
         return f"{use.controller} does not read {source}"
     zero = {key: is_zero for key, is_zero in zero.items() if not any(fnmatchcase(key, p) for p in unread)}
     why = use.why_idle_on_plant(name, scenario.rig, zero)
-    if why and fnmatchcase(name, LAG) and (planned or _uses_lag(name, scenario, use, design)):
+    if (
+        why
+        and fnmatchcase(name, LAG)
+        and not _fixed_axis(name, scenario.rig)
+        and (planned or _uses_lag(name, scenario, use, design))
+    ):
         return None
     return why
 

@@ -99,7 +99,7 @@ def cases() -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize(("name", "controllers"), cases())
+@pytest.mark.parametrize(("name", "controllers"), [*cases()])
 def test_level_2_all_plants_in_closed_loop(name: str, controllers: tuple[str, ...], drive: Drive) -> None:
     """The runs are those of `cranectl validate --drive all --pairwise`, with tighter limits."""
     scenario = load_scenario(name)

@@ -13,7 +13,7 @@ from cranectl.planning import load_scenario
 from cranectl.plants.plant import DRIVES
 from cranectl.scenario.effects import Body, EffectSettings, Frame, Friction, Rope
 from cranectl.scenario.rig import RigParameters
-from cranectl.simulate import Run, simulate_run
+from cranectl.simulate import Run, RunKind, simulate_run
 from cranectl.status import RunStatus
 from cranectl.support import InputError
 from tests.conftest import PLANTS
@@ -216,3 +216,33 @@ def test_a_fixed_rope_stays_as_long_as_it_was_for_ten_minutes(drive: Any) -> Non
     scenario = load_scenario("cart-transfer", overrides=[*overrides, "reference.segments=[]"])
     state = open_run(scenario, plant="mujoco", drive=drive).step([0.0, 0.0, 0.0], samples=60_000)
     assert abs(state[4] - 0.4) < 1e-9
+
+
+OF_FIXED_AXES = {
+    "rig.winch_mass": ("rig.winch_mass=0.3", "rope"),
+    "rig.winch_time_constant": ("rig.winch_time_constant=0.3", "rope"),
+    "rig.trolley_time_constant": ("rig.trolley_time_constant=0.3", "trolley"),
+    "effects.limits.velocity.2": ("effects.limits.velocity=[0.5,0.5,0.01]", "rope"),
+    "effects.friction.coulomb.1": ("effects.friction.coulomb=[0.4,5.0,0.2]", "trolley"),
+    "effects.installation.dead_zone.2": ("effects.installation.dead_zone=[0,0,0.1]", "rope"),
+}
+USUAL = [
+    "reference.segments=[]", "duration=1.0", "initial.beta_offset=0.1", "disturbances=[]",
+    "effects.limits.velocity=[0.5,0.5,0.5]", "effects.friction.coulomb=[0.4,0.2,0.2]",
+    "effects.installation={}",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OF_FIXED_AXES)
+def test_numbers_of_fixed_axes_change_nothing_and_are_told(name: str) -> None:
+    override, axis = OF_FIXED_AXES[name]
+    usual, changed = (load_scenario("cart-transfer", overrides=[*USUAL, *more]) for more in ((), (override,)))
+    one, other = (
+        simulate_run(scenario, plant="elastic", drive="velocity", controller="pid").table
+        for scenario in (usual, changed)
+    )
+    np.testing.assert_array_equal(one, other)
+    kind = RunKind("elastic", "velocity", "pid")
+    assert RunKind.find_idle_settings(changed, changed, [name], [kind]) == {
+        f"the {axis} does not move": [name]
+    }

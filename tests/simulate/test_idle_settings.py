@@ -60,6 +60,8 @@ LABELS = {
 }
 ELSEWHERE = {
     "limits": "a table of metrics by name, of which one is tried",
+    "rig.axes": "the axes that a crane has; tests/plants/test_fewer_axes.py",
+    "rig.rope": "the same",
     "control.physics_step": "absent by default; tests/plants/test_steps.py has it",
     **{
         f"rig.{name}": "of a model file; tests/plants/test_model_in_rig.py and test_own_model.py have them"

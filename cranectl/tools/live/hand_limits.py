@@ -44,7 +44,10 @@ def hand_limits(scenario: Scenario) -> HandLimits:
     x, y, rope = limits.axes + gap
     low = np.maximum(limits.load[:, 0], (x[0], y[0], -rope[1]))
     high = np.minimum(limits.load[:, 1], (x[1], y[1], -rope[0]))
-    speed, slow, fast = SPEED_SHARE * limits.velocity, 0.0, sqrt(NO_OVERSHOOT * limits.gravity / rope[1])
+    moves = np.array(scenario.rig.moves)
+    # No limit holds for a fixed axis; the box keeps it where it is.
+    velocity = np.where(moves, limits.velocity, limits.velocity[moves].max())
+    speed, slow, fast = SPEED_SHARE * velocity, 0.0, sqrt(NO_OVERSHOOT * limits.gravity / rope[1])
     for _ in range(SEARCH_HALVINGS):
         middle = 0.5 * (slow + fast)
         fits = _is_within(DrivingBounds(middle, speed, rope[1], limits.gravity), limits)

@@ -175,7 +175,7 @@ def test_measured_and_predicted_runs_share_one_log(folder: Path) -> None:
 def test_the_model_of_the_rig_predicts_too(folder: Path, tmp_path: Path) -> None:
     """A model file has no ideal drives, with which a motion could be repeated."""
     (tmp_path / "tendon.xml").write_text((MODELS / "tendon.xml").read_text())
-    (tmp_path / "own.toml").write_text('extends = "lab-rig"\nmodel = "tendon.xml"\nwinch_mass = 1e-6\n')
+    (tmp_path / "own.toml").write_text('extends = "lab-rig"\nmodel = "tendon.xml"\nwinch_mass = 1e-5\n')
     log, out = tmp_path / "own.mcap", tmp_path / "own.json"
     given = ("--map", folder / "whole.toml", "--rig", tmp_path / "own.toml", "--out", log)
     assert cranectl("log", "import", folder / "a.csv", *given).exit_code == 0
