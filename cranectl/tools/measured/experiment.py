@@ -51,14 +51,14 @@ class Unknown:
 def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     """Return the numbers that can be fitted, with their first values from `rig`."""
     friction, size = rig.effects.friction, rig.length_scale
-    fitted = []
+    fitted, driven = [], np.flatnonzero(rig.moves).tolist()  # a fixed axis has no drive
     if replay != "motion":
-        for axis in AXES:
-            tau = float(getattr(rig, f"{axis}_time_constant"))
-            fitted.append(Unknown(f"{axis}_time_constant", "s", tau, tau, 0.05 * tau))
+        for k in driven:
+            tau = float(rig.time_constants[k])
+            fitted.append(Unknown(f"{AXES[k]}_time_constant", "s", tau, tau, 0.05 * tau))
         gains = rig.effects.installation.drive_gain
-        fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in range(3)]
-        for k in range(3):
+        fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in driven]
+        for k in driven:
             force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
             fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
         late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant

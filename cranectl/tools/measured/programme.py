@@ -30,6 +30,7 @@ HOLDS, PAUSES = (0.3, 0.8), (0.05, 0.4)  # times at a speed and at rest, in peri
 BEGINNING, ENDING = 1.0, 1.0  # pauses before and after all moves, in periods of the swing
 MOVES_TOGETHER = 4  # of each axis, fast and slow in turn
 MAX_SWING = 0.2  # [rad] to which horizontal moves are slowed down
+MIN_SWING = 1e-9  # [rad] that is told from none, as a planar crane has aside
 SLOWER, MIN_FACTOR = 0.98, 0.5  # of speeds at once, since swing is not quite proportional to them
 SPEED_DIGITS = 6  # of set-points in m/s, in files too
 
@@ -116,7 +117,8 @@ def _slowed_run(rig: RigParameters, start: Array, speeds: Array, period: float) 
         swing = Programme.largest_swing(run)
         if (swing <= MAX_SWING).all():
             return run
-        speeds = speeds * [*np.clip(SLOWER * MAX_SWING / swing, MIN_FACTOR, 1.0), 1.0]
+        allowed = SLOWER * MAX_SWING / np.maximum(swing, MIN_SWING)
+        speeds = speeds * [*np.clip(allowed, MIN_FACTOR, 1.0), 1.0]
 
 
 def _predicted_run(rig: RigParameters, start: Array, speeds: Array, period: float) -> Run:
@@ -155,11 +157,11 @@ def _drawn_motion(
         position[axis] += np.copysign(speed * (hold + ramp), way)
         return float(free[axis] + hold + 2.0 * ramp + rng.uniform(*PAUSES) * swing)
 
-    for axis in rng.permutation(3):
+    for axis in (axis for axis in rng.permutation(3) if rig.moves[axis]):
         for shares in (SLOW_SPEEDS, FAST_SPEEDS):
             free[:] = move(axis, shares)
     for k in range(MOVES_TOGETHER):
-        for axis in range(3):
+        for axis in np.flatnonzero(rig.moves):
             free[axis] = move(axis, SLOW_SPEEDS if k % 2 else FAST_SPEEDS)
     time = period * np.arange(round((free.max() + ENDING * swing) / period) + 1)
     speeds = np.zeros((len(time), 3))
