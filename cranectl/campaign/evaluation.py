@@ -156,12 +156,12 @@ class GroupAnalysis:
 class Analysis:
     """All results of a campaign."""
 
-    results: Results
+    results: Results  # of all runs
     values: Array  # (samples, d) values of the parameters
-    groups: tuple[GroupAnalysis, ...]
+    groups: tuple[GroupAnalysis, ...]  # one for each controller on each plant
     controllers: tuple[Pair, ...]  # two controllers on the same plant
     plants: tuple[Pair, ...]  # the same controller on the reference plant and another
-    worst: tuple[Example, ...]
+    worst: tuple[Example, ...]  # the worst run of each group
 
     @property
     def by_plant(self) -> list[list[GroupAnalysis]]:

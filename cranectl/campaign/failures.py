@@ -16,8 +16,8 @@ class AllowedFailures(NamedTuple):
     """How many runs with one controller on one plant may fail: a number of them, or a share."""
 
     text: str  # as the user gives it
-    number: int | None
-    share: Fraction = Fraction(0)
+    number: int | None  # of runs; None for a share
+    share: Fraction = Fraction(0)  # of runs, if no number is given
 
     def are_kept(self, failures: int, runs: int) -> bool:
         """Return True if no more runs failed; False without any run, which shows nothing."""

@@ -28,7 +28,7 @@ from cranectl.support import JSON, File, InputError, Provenance, Table
 
 MANIFEST_FILE = "campaign.json"  # in the directory of a result: what was run, and by what software
 PARTS = "parts"
-REPLAYS = "replays"
+REPLAYS = "replays"  # folder of a result with the logs of runs that were repeated
 LOCK_FILE = ".lock"
 QUARANTINED = ".corrupt"  # ending of a damaged part that was renamed
 ELSEWHERE = "choose another place with --out"

@@ -19,7 +19,7 @@ from cranectl.loaders.opening import ControllerFile, copy_of
 from cranectl.signals import Signal
 from cranectl.support import Array, InputError
 
-HEADER = Path(__file__).parent / "cranectl.h"
+HEADER = Path(__file__).parent / "cranectl.h"  # interface of controllers in C
 COMPILERS = {".c": "cc", ".cc": "c++", ".cpp": "c++", ".cxx": "c++"}  # by ending of the source
 # The last forbids to fuse a product and a sum, which rounds differently on some processors.
 FLAGS = ("-O2", "-shared", "-fPIC", "-ffp-contract=off")

@@ -35,10 +35,10 @@ LOADERS = {
 class ControllerFile(NamedTuple):
     """Hold the content of a controller's file and of the files it uses, to share with other processes."""
 
-    reference: str
-    path: Path
+    reference: str  # as the user names it, FILE or FILE:SYMBOL
+    path: Path  # of the file
     symbol: str  # name of the controller in the file; may be empty
-    content: bytes
+    content: bytes  # of the file
     table: bytes = b""  # of an FMU: the TOML file beside it
     place: str = ""  # absolute path where it was read
     # What else it is made of, by path relative to its folder. An absolute path stays where it is, and its

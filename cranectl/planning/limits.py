@@ -19,7 +19,7 @@ from cranectl.support import Array
 
 SHARE, SHARE_WITH_SENSING = 0.95, 0.88  # of limits that plans may use, see docs/explanation/planning.md
 SIDES = ("x-", "x+", "y-", "y+", "above")
-AXES = ("bridge", "trolley", "rope")
+AXES = ("bridge", "trolley", "rope")  # of a crane, in the order of its limits
 
 
 class Box(NamedTuple):
@@ -51,7 +51,7 @@ class Limits(NamedTuple):
     load: Array  # (3, 2) ranges of the load [m]
     axes: Array  # (3, 2) ranges of bridge, trolley, rope [m]
     radius: float  # of the load [m]
-    obstacles: tuple[Box, ...]
+    obstacles: tuple[Box, ...]  # that load and rope must not touch
     size: float  # of the motion, the scale of excesses of positions [m]
 
 

@@ -42,13 +42,13 @@ class ActiveLimit(NamedTuple):
 class Review(NamedTuple):
     """Review of one planned segment."""
 
-    segment: int
+    segment: int  # index in the reference
     description: str  # of the request, in words
     start: float  # in the run [s]
     duration: float  # [s]
     least: float  # duration that the drives would need without a load [s]
-    active: tuple[ActiveLimit, ...]
-    proof: Proof
+    active: tuple[ActiveLimit, ...]  # limits that the motion reaches
+    proof: Proof  # that it keeps all of them
     time: Array  # (N,) [s] from the segment's start
     shares: dict[str, Array]  # of each limit, (N,)
     path: Array  # (N, 3) of the load [m]

@@ -6,7 +6,7 @@ import pytest
 from pydrake.math import RollPitchYaw, RotationMatrix
 from pydrake.multibody.tree import MultibodyForces
 
-from cranectl.plants.drake.model import JOINTS, LOAD, build_crane
+from cranectl.plants.drake.model import JOINTS, LOAD, build_crane, rotor_inertias
 from cranectl.plants.drake.plant import DrakePlant
 from cranectl.plants.elastic.crane import RAILS, SPIN
 from cranectl.plants.mujoco.effects import FRAME
@@ -103,3 +103,14 @@ def test_accelerations_and_tension_agree_with_all_drives(drive: Drive, effects: 
 
 def _relative_error(actual: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs(actual - expected).max() / max(np.abs(expected).max(), 1e-9))
+
+
+@pytest.mark.parametrize("fixed", [{"axes": "x"}, {"axes": "y"}, {"rope": "fixed"}])
+def test_only_fixed_axes_have_rotors_that_nothing_turns(fixed: dict[str, str]) -> None:
+    rig = RIG.model_copy(update=fixed)
+    usual, inert = (0.0, 0.0, 0.3), 1e16 * (7.0 + 3.0 + 1.7)
+    expected = [mass if moves else inert for mass, moves in zip(usual, rig.moves, strict=True)]
+    assert (
+        rotor_inertias(rig, "velocity") == rotor_inertias(rig, "force") == pytest.approx(expected, rel=1e-12)
+    )
+    assert rotor_inertias(rig, "ideal") == pytest.approx((inert,) * 3, rel=1e-12)

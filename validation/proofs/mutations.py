@@ -52,7 +52,8 @@ TARGETS = {
     "cranectl.model.dynamics": """
         angular_accelerations specific_rope_force rope_direction rope_direction_rate load_jacobian
         load_jacobian_rate mass_matrix coriolis_matrix gravity_vector kinetic_energy potential_energy
-        load_position load_velocity rope_tension axis_masses drive_forces _tension forced_accelerations
+        load_position load_velocity rope_tension axis_masses drive_forces axis_force _tension
+        forced_accelerations
         winch_force
     """,
     "cranectl.model.flatness": """
@@ -74,7 +75,7 @@ TARGETS = {
     """,
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",
-    "cranectl.plants.mujoco.sites": "state_of_sites rope_acceleration read_load_of_sites",
+    "cranectl.plants.mujoco.sites": "state_of_sites rope_acceleration pull_along_rope read_load_of_sites",
     "cranectl.plants.mujoco.model": "ideal_inertia _ideal_drive_entries _velocity_drive_entries",
     "cranectl.plants.drake.model": """
         build_crane rotor_inertias axis_damping drive_forces _add_frame _add_load _add_body

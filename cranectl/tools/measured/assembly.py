@@ -5,7 +5,7 @@ The run has the plant `measured`. Rates are slopes of cubics that are fitted to 
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from math import sqrt
+from math import ceil, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ LAB_STEP = 0.001  # [s] of physics on the laboratory rig
 RATE_SPAN = 0.1  # [s] of samples from which a rate is computed
 RATE_ORDER = 3  # of the polynomials whose slopes are the rates
 MIN_RATE_SAMPLES = 5
+MAX_RATE_SAMPLES = 2001  # of a cubic; of more, the means of neighbours are taken, or it would take minutes
 RATES = dict(zip(SignalGroup.STATE.names[::2], SignalGroup.STATE.names[1::2], strict=True)) | {
     name: f"{name}_dot" for name in LOAD
 }
@@ -80,6 +81,12 @@ def rate_samples(period: float) -> int:
 def _slopes(values: Array, period: float) -> Array:
     """Return the rate of a signal (N,) as the slope of cubics fitted around each sample."""
     samples = rate_samples(period)
+    if MAX_RATE_SAMPLES < samples <= len(values):
+        share = ceil(samples / MAX_RATE_SAMPLES)
+        means = values[: len(values) // share * share].reshape(-1, share).mean(axis=1)
+        middle = share * np.arange(len(means)) + 0.5 * (share - 1)
+        interpolated: Array = np.interp(np.arange(len(values)), middle, _slopes(means, share * period))
+        return interpolated
     slopes: Array = (
         np.gradient(values, period)
         if len(values) < samples

@@ -18,6 +18,7 @@ from cranectl.log.writer import write_log
 from cranectl.simulate import Run, simulate_run
 from cranectl.support.arrays import Array
 from cranectl.support.errors import InputError
+from cranectl.tools.measured.assembly import _slopes
 from cranectl.tools.measured.comparison import predict
 from cranectl.tools.measured.experiment import CHANNELS
 from cranectl.tools.measured.replay import Replay, _parted, default_replay, with_longer_steps
@@ -330,3 +331,16 @@ def test_a_noisy_run_that_rests_at_first_is_predicted_from_rest(
     run = imported(write_csv(tmp_path / "a.csv", table), mapping=settings).run
     residual = predict(run, "mujoco", replay).block("residual")
     assert np.linalg.norm(residual[:, 5:], axis=1).max() < 0.008, "noise of 1 mrad below 1 m, five-fold"
+
+
+@pytest.mark.parametrize("period", [1e-2, 1e-4, 1e-6])
+def test_rates_of_fast_samples_are_slopes_and_average_their_noise(period: float) -> None:
+    """At 1 µs a cubic would have 100 001 samples, and take minutes."""
+    time = period * np.arange(round(0.6 / period))
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(len(time))
+    calm, noisy = (_slopes(np.sin(3.0 * time) + more, period) for more in (0.0 * noise, noise))
+    np.testing.assert_allclose(calm, 3.0 * np.cos(3.0 * time), rtol=0, atol=1e-3)
+    middle = slice(len(time) // 4, -len(time) // 4)
+    # The slope of a cubic over 0.1 s has the deviation of 75 noise² / samples, over the square of its span.
+    expected = 1e-4 * np.sqrt(75.0 / max(0.1 / period, 1.0)) / 0.1
+    assert (noisy - calm)[middle].std() < 1.5 * expected
