@@ -96,9 +96,8 @@ def pull_along_rope(seen, sensors):
     """Return the part of the load's acceleration towards the pivot that gravity does not cause [m/s²]."""
     square, pull = 0.0, 0.0
     for i in range(3):
-        way = sensors[seen[7 + i]] - sensors[seen[i]]
-        square += way * way
-        pull += way * sensors[seen[16 + i]]
+        square += (sensors[seen[7 + i]] - sensors[seen[i]]) ** 2
+        pull += (sensors[seen[7 + i]] - sensors[seen[i]]) * sensors[seen[16 + i]]
     return pull / sqrt(square)
 
 
