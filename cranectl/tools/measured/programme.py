@@ -161,7 +161,7 @@ def _drawn_motion(
         for shares in (SLOW_SPEEDS, FAST_SPEEDS):
             free[:] = move(axis, shares)
     for k in range(MOVES_TOGETHER):
-        for axis in np.flatnonzero(rig.moves):
+        for axis in np.flatnonzero(rig.moves).tolist():
             free[axis] = move(axis, SLOW_SPEEDS if k % 2 else FAST_SPEEDS)
     time = period * np.arange(round((free.max() + ENDING * swing) / period) + 1)
     speeds = np.zeros((len(time), 3))
