@@ -15,6 +15,11 @@ from cranectl.simulate.memory import RunMemory
 from cranectl.support import Array, InputError
 
 AXES = ("bridge", "trolley", "rope")
+STILL = (  # what is 0 at the start if bridge, trolley or rope is fixed
+    ("bridge_velocity", "beta", "beta_rate"),
+    ("trolley_velocity", "alpha", "alpha_rate"),
+    ("rope_length_rate",),
+)
 FIXED = 1e-9  # [m, rad] of a fixed axis along the reference, from rounding; and of its rates
 
 
@@ -142,10 +147,8 @@ def check_start(scenario: Scenario, state: Array, *, remedy: str, what: str = "t
 
 def _check_fixed(scenario: Scenario, state: Array, what: str) -> None:
     """Raise InputError if a start moves a fixed axis, or swings the load of a planar crane across it."""
-    rig, groups = scenario.rig, [["bridge_velocity", "beta", "beta_rate"]]
-    groups += [["trolley_velocity", "alpha", "alpha_rate"], ["rope_length_rate"]]
-    still = [name for group, moves in zip(groups, rig.moves, strict=True) if not moves for name in group]
-    for name in still:
+    rig = scenario.rig
+    for name in (name for names, moves in zip(STILL, rig.moves, strict=True) if not moves for name in names):
         value = state[SignalGroup.STATE.names.index(name)]
         if abs(value) > FIXED:
             raise InputError(

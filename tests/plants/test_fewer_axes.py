@@ -23,8 +23,9 @@ FIXED = [("x", "fixed"), ("y", "fixed"), ("x", "hoisted"), ("y", "hoisted"), ("x
 LENGTH, PERIODS = 0.8, 1000
 
 
-def rig_of(axes: str, rope: str, **changes: Any) -> RigParameters:
-    return RigParameters(axes=axes, rope=rope, load_mass=1.7, bridge_mass=4.0, **changes)  # type: ignore[arg-type]
+def rig_of(axes: str, rope: str) -> RigParameters:
+    table = {"axes": axes, "rope": rope, "load_mass": 1.7, "bridge_mass": 4.0}
+    return RigParameters.from_table(table, "a rig")
 
 
 class NewtonCrane:

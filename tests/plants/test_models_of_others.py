@@ -17,6 +17,7 @@ from cranectl.plants.mujoco.disturbed_step import step_in_stages
 from cranectl.plants.mujoco.own_check import find_differences
 from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.own_plant import OwnPlant
+from cranectl.plants.mujoco.own_ranges import axis_ranges
 from cranectl.plants.registry import PLANTS
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.load import RigFile
@@ -372,3 +373,20 @@ def test_a_model_that_is_no_crane_gets_no_rig(capsys: pytest.CaptureFixture[str]
     assert main(["new", "model", "cart.xml"]) == 2
     assert "nothing shows what is its drive along x or y" in capsys.readouterr().err
     assert not [*Path().glob("*-rig.toml")]
+
+
+@pytest.mark.parametrize(("limits", "expected"), [("0.3 1.2", (0.3, 1.2)), ("0 2", (1e-3, 2.0))])
+def test_the_rope_is_as_long_as_the_tendon_of_its_winch_may_be(
+    limits: str, expected: tuple[float, float]
+) -> None:
+    """From the pivot to the load the tendon is the rope; what nothing limits is told apart."""
+    file = changed(
+        MODELS / "tendon.xml",
+        Path(),
+        ('<spatial name="rope"', f'<spatial name="rope" limited="true" range="{limits}"'),
+    )
+    found, assumed = axis_ranges(open_model(file, ModelNames()))
+    assert found == {"rope_range": pytest.approx(expected)}
+    assert assumed == {
+        "bridge_range": pytest.approx((-2.1, 2.1)), "trolley_range": pytest.approx((-2.1, 2.1)),
+    }  # fmt: skip

@@ -1,7 +1,7 @@
 """Find what the names of a rig stand for in a user's model, and guess those that are missing."""
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 from cranectl.scenario import ModelNames, RigParameters
 from cranectl.support import InputError
 
-FIXED = {"bridge_drive": "rig.axes=y", "trolley_drive": "rig.axes=x", "winch_drive": "rig.rope=fixed"}
+# The setting of a rig that has no such drive.
+FIXED = {"bridge_drive": ("axes", "y"), "trolley_drive": ("axes", "x"), "winch_drive": ("rope", "fixed")}
 ALONG = 0.99  # cosine, of a rail and the axis that it runs along
 
 
@@ -37,9 +38,10 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
         guesses = dict(_guesses(spec.compile()))
         unguessed = [key for key, _, _ in missing if key.endswith("drive") and key not in guesses]
         lacking = sum(map(bool, names.drives)) - len(spec.actuators)
-        fixed = _fixed(unguessed) if len(unguessed) == lacking else []
-        named = [key for key, _, _ in missing if key not in FIXED or FIXED[key] not in fixed]
-        settings = [*fixed, *(f"rig.plant.names.{key}={guesses.get(key, 'NAME')}" for key in named)]
+        fixed = unguessed if len(unguessed) == lacking and not _moves_nowhere(unguessed) else []
+        named = [key for key, _, _ in missing if key not in fixed]
+        settings = ["rig.{}={}".format(*FIXED[key]) for key in fixed]
+        settings += [f"rig.plant.names.{key}={guesses.get(key, 'NAME')}" for key in named]
         raise InputError(
             f"{file} has "
             + ", and ".join(f"no {kind} named '{name}' for the {_words(key)}" for key, kind, name in missing),
@@ -49,10 +51,9 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
         )
 
 
-def _fixed(keys: Iterable[str]) -> list[str]:
-    """Return the settings of a rig whose axes without a drive, such as "winch_drive", stand still."""
-    settings = [FIXED[key] for key in keys]
-    return settings if not {"rig.axes=x", "rig.axes=y"} <= {*settings} else []
+def _moves_nowhere(lacking: Collection[str]) -> bool:
+    """Return True if neither bridge nor trolley is left without the drives that are `lacking`."""
+    return {"bridge_drive", "trolley_drive"} <= {*lacking}
 
 
 def guess_rig(file: Path, spec: mujoco.MjSpec) -> RigParameters:
@@ -66,36 +67,39 @@ def guess_rig(file: Path, spec: mujoco.MjSpec) -> RigParameters:
     names |= {k: name for k, name in usual if name in known["actuator" if k.endswith("drive") else "site"]}
     lacking = [_words(key) for key in ("pivot", "load") if key not in names]
     missing = [key for key in FIXED if key not in names]
-    if lacking or {"bridge_drive", "trolley_drive"} <= {*missing}:
+    if lacking or _moves_nowhere(missing):
         raise InputError(
             f"{file}: nothing shows what is its {' or its '.join(lacking) or 'drive along x or y'}",
             allowed="a model whose drives slide a body along x or y, below which another body hangs",
             remedy=f"name its parts in a rig, and look at it with: cranectl info {shlex.quote(str(file))}",
         )
-    fixed = dict(FIXED[key].removeprefix("rig.").split("=") for key in missing)
-    table = {**fixed, "plant": {"names": {**names, **_hanging_pose(model, names)}}}
+    table = {
+        **dict(FIXED[key] for key in missing),
+        "plant": {"names": {**names, **_hanging_pose(model, names)}},
+    }
     return RigParameters.from_table(table, str(file))
 
 
 def _hanging_pose(model: mujoco.MjModel, names: Mapping[str, str]) -> dict[str, str]:
     """Return the first keyframe in which load and pivot are apart, unless they are in the file's pose."""
     data = mujoco.MjData(model)
-    for key in (None, *range(model.nkey)):
-        if key is not None:
-            data.qpos[:] = model.key_qpos[key]
+    for pose in (None, *range(model.nkey)):
+        if pose is not None:
+            data.qpos[:] = model.key_qpos[pose]
         mujoco.mj_kinematics(model, data)
-        pivot, load = (_place(data, names[name]) for name in ("pivot", "load"))
-        if np.linalg.norm(load - pivot) > 0.0 and (key is None or model.key(key).name):
-            return {} if key is None else {"keyframe": str(model.key(key).name)}
+        pivot, load = (_place(data, key, names[key]) for key in ("pivot", "load"))
+        if np.linalg.norm(load - pivot) > 0.0 and (pose is None or model.key(pose).name):
+            return {} if pose is None else {"keyframe": str(model.key(pose).name)}
     return {}
 
 
-def _place(data: mujoco.MjData, name: str) -> Any:
-    """Return where a site, or else the centre of mass of a body, is."""
+def _place(data: mujoco.MjData, key: str, name: str) -> Any:
+    """Return where the site or body `name` is that stands for pivot or load, as `complete_names` has it."""
     try:
         return data.site(name).xpos.copy()
     except KeyError:
-        return data.body(name).xipos.copy()
+        body = data.body(name)
+        return (body.xipos if key == "load" else body.xpos).copy()
 
 
 def _check_keyframe(file: Path, spec: mujoco.MjSpec, name: str) -> None:

@@ -1,25 +1,18 @@
 """Find how far the axes of a user's model travel, for the rig that `info` prints."""
 
-from typing import TYPE_CHECKING
-
 import mujoco
 import numpy as np
 
+from cranectl.plants.mujoco.own_model import MAX_COUPLING, OwnModel
 from cranectl.plants.mujoco.sites import AXES
 from cranectl.signals import BRIDGE, ROPE, TROLLEY
 
-if TYPE_CHECKING:
-    from cranectl.plants.mujoco.own_model import OwnModel
-
-MAX_COUPLING = 0.01  # of a joint with another axis, as a share of its own motion
 MIN_ROPE = 1e-3  # [m] of rope
 ASSUMED = {BRIDGE: 3.0, TROLLEY: 3.0, ROPE: 0.5}  # travel to each side, in lengths of the rope in the file
-
-
 Ranges = dict[str, tuple[float, float]]  # [m], by their names in a rig
 
 
-def axis_ranges(own: "OwnModel") -> tuple[Ranges, Ranges]:
+def axis_ranges(own: OwnModel) -> tuple[Ranges, Ranges]:
     """Return the travel of axes that joints and the winch's tendon limit, and that of others, as assumed.
 
     Only joints that each move one axis and no other have such a range. Others are about the pose of the file.
@@ -33,7 +26,7 @@ def axis_ranges(own: "OwnModel") -> tuple[Ranges, Ranges]:
     return found, assumed
 
 
-def _limited(own: "OwnModel") -> Ranges:
+def _limited(own: OwnModel) -> Ranges:
     model, data = own.model, own.new_data()
     shown, gradient = own.show(data)
     found = {}

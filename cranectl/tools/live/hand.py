@@ -44,8 +44,8 @@ class HandReference:
         trajectory = Trajectory.of(self._earlier_reference)
         self._start = trajectory.sample(trajectory.joints[-1:])[0, :3]
         # A planar crane stays where it is along its fixed axis.
-        still = np.array(["x" not in scenario.rig.axes, "y" not in scenario.rig.axes, False])
-        low, high = (np.where(still, self._start, end) for end in (self.limits.low, self.limits.high))
+        free = (*scenario.rig.moves[:2], True)
+        low, high = (np.where(free, end, self._start) for end in (self.limits.low, self.limits.high))
         self.limits = self.limits._replace(low=low, high=high)
         if ((self._start < low) | (self._start > high)).any():
             raise InputError(
