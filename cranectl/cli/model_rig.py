@@ -25,7 +25,8 @@ def model_settings(file: Path, rig: "RigParameters") -> dict[str, dict[str, Any]
     )
     return {
         "fixed": rig.model_dump(include={"axes", "rope"}),  # empty if all axes move
-        "numbers": {name: float(f"{number:g}") for name, number in own.built_in.items()},  # to be copied
+        # To be copied. Only a trolley's motor may have no mass, and then needs no line.
+        "numbers": {name: float(f"{number:g}") for name, number in own.built_in.items() if number},
         "ranges": ranges,
         "assumed": assumed,
     }

@@ -4,7 +4,8 @@ from cranectl.model import AxisMasses, state_and_input, winch_force
 from cranectl.signals import ACCELERATION, ROPE, ROPE_RATE, Z
 from cranectl.support import Array, jit
 
-AXIS_MASSES = ("bridge_mass", "gravity", "load_mass", "trolley_mass", "winch_mass")  # read by `axis_masses`
+# Read by `axis_masses`.
+AXIS_MASSES = ("bridge_mass", "gravity", "load_mass", "trolley_mass", "trolley_motor_mass", "winch_mass")
 MASSES = len(AxisMasses._fields)  # size of a slot of parameters that `masses_at` reads
 
 

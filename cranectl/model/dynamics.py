@@ -82,7 +82,7 @@ class AxisMasses(NamedTuple):
     """
 
     bridge: float  # bridge and trolley, along x
-    trolley: float  # along y
+    trolley: float  # trolley and its motor, along y
     winch: float  # of the winch, as a mass at the rope
     load: float  # of the load
     gravity: float  # [m/s²]
@@ -90,13 +90,8 @@ class AxisMasses(NamedTuple):
 
 def axis_masses(rig: RigParameters) -> AxisMasses:
     """Return the masses of `rig`."""
-    return AxisMasses(
-        bridge=rig.bridge_mass + rig.trolley_mass,
-        trolley=rig.trolley_mass,
-        winch=rig.winch_mass,
-        load=rig.load_mass,
-        gravity=rig.gravity,
-    )
+    bridge, trolley, winch = rig.axis_masses.tolist()
+    return AxisMasses(bridge, trolley, winch, load=rig.load_mass, gravity=rig.gravity)
 
 
 def movable_masses(rig: RigParameters) -> AxisMasses:
@@ -212,8 +207,7 @@ def load_jacobian_rate(q: Vector, qd: Vector) -> Matrix:
 def mass_matrix(q: Vector, rig: RigParameters) -> Matrix:
     """Return M(q), shape (5, 5) [kg, kg m, kg m²]; positive definite for l > 0 and |beta| < pi/2."""
     jacobian = load_jacobian(q)
-    drives = [rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass, 0.0, 0.0]
-    return np.diag(drives) + rig.load_mass * jacobian.T @ jacobian
+    return np.diag([*rig.axis_masses, 0.0, 0.0]) + rig.load_mass * jacobian.T @ jacobian
 
 
 def coriolis_matrix(q: Vector, qd: Vector, rig: RigParameters) -> Matrix:

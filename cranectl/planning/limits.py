@@ -60,7 +60,7 @@ def limits_of(scenario: Scenario) -> Limits:
     rig, planning = scenario.rig, scenario.planning
     share = share_of(scenario)
     drives = scenario.drive_limits
-    masses = np.array([rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass, rig.load_mass])
+    masses = np.array([*rig.axis_masses, rig.load_mass])
     low, high = planning.tension
     gap = planning.clearance * np.array([1.0, -1.0])
     free = np.array([rig.bridge_range, rig.trolley_range, (-rig.rope_range[1], 0.0)]) + gap

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from cranectl.model import AxisMasses, axis_masses, movable_masses
+from cranectl.model import AxisMasses, movable_masses
 from cranectl.plants.plant import DRIVES, Drive, Triple
 from cranectl.plants.surroundings import air_drag, gravity_in_rig
 from cranectl.scenario import EffectSettings, RigParameters
@@ -61,11 +61,11 @@ def make_rig(
 
 
 def _axis_drives(rig: RigParameters, drive: Drive, effects: EffectSettings) -> AxisDrives:
-    masses, (gain, damping, load_force) = axis_masses(rig), DRIVES[drive].push(rig, effects)
+    gain, damping, load_force = DRIVES[drive].push(rig, effects)
     along_x, along_y, _ = gravity_in_rig(rig.gravity, effects)
     return AxisDrives(
         movable_masses(rig),
-        slope=(masses.bridge * along_x, masses.trolley * along_y),
+        slope=((rig.bridge_mass + rig.trolley_mass) * along_x, rig.trolley_mass * along_y),
         gain=gain,
         damping=damping,
         holding_force=load_force[2],

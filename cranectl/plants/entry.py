@@ -16,8 +16,8 @@ from cranectl.support import Arguments, InputError, Palette
 MAX_PLANT_LABEL = 40  # [characters]
 PLANT_COLOURS = tuple(role for role in Palette.LIGHT.series_roles if role in Palette.VIEWER)
 BUILT_IN = (
-    "gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "bridge_time_constant",
-    "trolley_time_constant", "winch_time_constant",
+    "gravity", "bridge_mass", "trolley_mass", "trolley_motor_mass", "winch_mass", "load_mass",
+    "bridge_time_constant", "trolley_time_constant", "winch_time_constant",
 )  # fmt: skip
 OWN_PLANT = "cranectl.plants.mujoco.own_plant:OwnPlant"  # the class of plants from model files
 

@@ -35,7 +35,8 @@ def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Ite
 def masses_of(scenario: Scenario) -> tuple[str, str]:
     """Return the mass of the load, and in words those of trolley and bridge."""
     rig = scenario.rig
-    others = f"trolley {mass_text(rig.trolley_mass)}, bridge {mass_text(rig.bridge_mass)}"
+    motor = f" with a motor of {mass_text(rig.trolley_motor_mass)}" if rig.trolley_motor_mass else ""
+    others = f"trolley {mass_text(rig.trolley_mass)}{motor}, bridge {mass_text(rig.bridge_mass)}"
     return mass_text(rig.load_mass), others
 
 

@@ -100,6 +100,12 @@ class RigParameters(Settings):
     trolley_mass: Mass = Field(
         2.5, description="trolley with winch housing and joint [kg]; assumed: motor, gear, plates"
     )
+    trolley_motor_mass: Annotated[float, Field(ge=0.0, le=1e8), MASS] = Field(
+        0.0,
+        description="what moves along y alone [kg], assumed none: the trolley's motor referred to its rail, "
+        "J/r², or a rail along y that carries all else; it has no weight on slopes",
+        exclude_if=lambda mass: mass == 0.0,
+    )
     winch_mass: Mass = Field(
         0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
     )
@@ -183,11 +189,15 @@ class RigParameters(Settings):
         return np.array([self.bridge_time_constant, self.trolley_time_constant, self.winch_time_constant])
 
     @property
+    def axis_masses(self) -> NDArray[np.float64]:
+        """The mass that each drive moves besides the load [kg], shape (3,)."""
+        along_x = self.bridge_mass + self.trolley_mass
+        return np.array([along_x, self.trolley_mass + self.trolley_motor_mass, self.winch_mass])
+
+    @property
     def driven_masses(self) -> NDArray[np.float64]:
         """The mass that each drive moves while the load hangs at rest [kg], shape (3,)."""
-        return np.array(
-            [self.bridge_mass + self.trolley_mass, self.trolley_mass, self.winch_mass + self.load_mass]
-        )
+        return np.add(self.axis_masses, [0.0, 0.0, self.load_mass])
 
     @property
     def velocity_gains(self) -> NDArray[np.float64]:

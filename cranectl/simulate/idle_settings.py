@@ -40,7 +40,7 @@ OF_AXIS = (
 )
 OF_DRIVES = (
     ("rig.bridge_mass", "rig.bridge_time_constant"),
-    ("rig.trolley_time_constant",),
+    ("rig.trolley_motor_mass", "rig.trolley_time_constant"),
     ("rig.winch_mass", "rig.winch_time_constant"),
 )
 # The settings in [design] that a controller uses, by a part of its name.

@@ -178,6 +178,22 @@ def test_one_body_may_slide_along_x_and_y(tmp_path: Path) -> None:
     assert judge(own, ours).passed
 
 
+def test_the_lower_rail_may_run_along_y(tmp_path: Path) -> None:
+    """It is our crane whose trolley has a motor as hard to move as that rail."""
+    along_x, along_y = (f'type="slide" axis="{axis}"' for axis in ("1 0 0", "0 1 0"))
+    names = [('name="x"', 'name="lower"'), ('name="y"', 'name="x"'), ('name="lower"', 'name="y"')]
+    axes = [(along_x, "lower"), (along_y, along_x), ("lower", along_y)]
+    file = changed(MODELS / "tendon.xml", tmp_path, *axes, *names)
+    own = run_of(file)
+    rig = own.scenario.rig
+    assert (rig.bridge_mass, rig.trolley_mass + rig.bridge_mass) == pytest.approx((1e-6, 2.5))
+    assert rig.trolley_motor_mass + rig.trolley_mass == pytest.approx(8.5)
+    assert rig.time_constants == pytest.approx([2.5 / 425, 8.5 / 125, 1 / 50])
+    ours = simulate_run(own.scenario, plant="mujoco", drive="velocity", controller="lqr")
+    assert np.abs(own.table[:, :10] - ours.table[:, :10]).max() < 2e-7
+    assert judge(own, ours).passed
+
+
 NAMELESS = [('site name="pivot"', 'site name="top"'), ('site="pivot"', 'site="top"')]
 UNNAMED = [
     *NAMELESS,

@@ -43,6 +43,7 @@ SHORT = [
     '{joint="beta",start=0.2,end=0.5,magnitude=1.0},{force=[1.0,1.0,1.0],start=0.1,end=0.3}]',
     'obstacles=[{name="box",low=[1.0,0.8,-1.4],high=[1.2,1.0,-0.9]}]',
     "limits.rms_error_m=0.05",
+    "rig.trolley_motor_mass=0.5",
 ]  # fmt: skip
 CONTROLLERS = controller_names()
 KINDS = [(plant, drive) for plant in PLANTS for drive in DRIVES]

@@ -76,7 +76,9 @@ TARGETS = {
     "cranectl.plants.mujoco.disturbed_step": "apply_disturbance apply_drag turn_rate",
     "cranectl.plants.mujoco.effects": "body_entries",
     "cranectl.plants.mujoco.sites": "state_of_sites rope_acceleration pull_along_rope read_load_of_sites",
-    "cranectl.plants.mujoco.model": "ideal_inertia _ideal_drive_entries _velocity_drive_entries",
+    "cranectl.plants.mujoco.model": """
+        ideal_inertia _ideal_drive_entries _velocity_drive_entries _rotor_entries
+    """,
     "cranectl.plants.drake.model": """
         build_crane rotor_inertias axis_damping drive_forces _add_frame _add_load _add_body
     """,
@@ -85,8 +87,8 @@ TARGETS = {
         DrakePlant._disturb DrakePlant._turn_joint DrakePlant._push_bodies
     """,
     "cranectl.scenario.rig": """
-        RigParameters.driven_masses RigParameters.velocity_gains RigParameters.weight
-        RigParameters.hanging_mass
+        RigParameters.axis_masses RigParameters.driven_masses RigParameters.velocity_gains
+        RigParameters.weight RigParameters.hanging_mass
     """,
     **LIMIT_TARGETS,
 }

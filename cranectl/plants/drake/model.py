@@ -74,7 +74,11 @@ def rotor_inertias(rig: RigParameters, drive: Drive) -> tuple[float, float, floa
     if DRIVES[drive].is_prescribed:
         return inertia, inertia, inertia
     bridge, trolley, winch = rig.moves
-    return 0.0 if bridge else inertia, 0.0 if trolley else inertia, rig.winch_mass if winch else inertia
+    return (
+        0.0 if bridge else inertia,
+        rig.trolley_motor_mass if trolley else inertia,
+        rig.winch_mass if winch else inertia,
+    )
 
 
 def ideal_inertia(rig: RigParameters) -> float:

@@ -51,6 +51,7 @@ class ElasticCrane(NamedTuple):
     holding_force: Triple  # [N]
     limit: Triple  # [N]
     axis_mass: Triple  # bridge with trolley, trolley, winch [kg]
+    motor_mass: tuple[float, float]  # moving with the axis relative to its rails alone [kg]
     gravity: Triple  # [m/s²]
     load_mass: float
     has_friction: bool  # whether any joint has Coulomb friction
@@ -97,6 +98,7 @@ def make_crane(
         holding_force=load_force,
         limit=effects.limits.force if effects.limits else (inf, inf, inf),
         axis_mass=(rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass),
+        motor_mass=(0.0, rig.trolley_motor_mass),
         gravity=gravity,
         load_mass=rig.load_mass,
         has_friction=any((along_x, along_y, along_rope, pivot[0])),

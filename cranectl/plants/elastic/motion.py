@@ -185,7 +185,9 @@ def move_axes(crane, state, command, work, rate):
             if is_locked(crane, work, i):
                 rails = acceleration[i] - locked_acceleration(crane, command, i)
             else:
-                rails = (rail_force(crane, state, i) - push[i]) / crane.rail_mass[i]
+                motor = crane.motor_mass[i]
+                on_rails = rail_force(crane, state, i) - push[i] + motor * acceleration[i]
+                rails = on_rails / (crane.rail_mass[i] + motor)
             rate[2 * i + 1] = acceleration[i] - rails  # coordinates are in the world, axes on the rails
             rate[RAILS + 2 * i], rate[RAILS + 2 * i + 1] = state[RAILS + 2 * i + 1], rails
 
@@ -231,7 +233,12 @@ def add_axes(crane, state, command, work):
             force[i] += mass * crane.gravity[i] + rail_force(crane, state, i)
             force[i] += crane.rail_mass[i] * locked_acceleration(crane, command, i)
         elif not locked:
-            factor[i, i] += mass
+            # What moves relative to the rails moves them too, so that only a share of it acts on the axis.
+            rail_share = 1.0
+            if crane.has_frame:
+                rail_share = crane.rail_mass[i] / (crane.rail_mass[i] + crane.motor_mass[i])
+                force[i] += (1.0 - rail_share) * (rail_force(crane, state, i) - work.push[i])
+            factor[i, i] += mass + rail_share * crane.motor_mass[i]
             force[i] += mass * crane.gravity[i] + work.push[i]
     fixed[2] = is_locked(crane, work, 2) and not crane.has_elastic_rope
     if crane.has_elastic_rope:

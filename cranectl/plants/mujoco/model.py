@@ -119,7 +119,7 @@ def model_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> 
     elif DRIVES[drive].is_servo:
         entries += _velocity_drive_entries(rig, drive, effects)
     else:  # motors, whose command is a force
-        entries += [Entry("joint", "rope_length", "armature", rig.winch_mass)]
+        entries += _rotor_entries(rig)
     entries += _fixed_axis_entries(rig)
     shown = _shown_effects(effects, setting)
     return [*entries, *(entry for model, effect in shown for entry in model.entries(effect, setting))]
@@ -133,7 +133,7 @@ def ideal_inertia(rig: RigParameters) -> float:
 def _ideal_drive_entries(rig: RigParameters) -> list[Entry]:
     """Return the entries of ideal drives: gears include the mass on an axis, so command = acceleration."""
     inertia = ideal_inertia(rig)
-    carried = (rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, 0.0)
+    carried = (*rig.axis_masses[:2].tolist(), 0.0)
     drives = []
     for name, joint, mass in zip(ACTUATORS, DRIVEN_JOINTS, carried, strict=True):
         gear = (inertia + mass, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -156,15 +156,19 @@ def _fixed_axis_entries(rig: RigParameters) -> list[Entry]:
 
 
 def _velocity_drive_entries(rig: RigParameters, drive: Drive, effects: EffectSettings) -> list[Entry]:
-    armature = rig.winch_mass
-    drives = []
+    drives = _rotor_entries(rig)
     for name, gain, damping, load_force in zip(ACTUATORS, *DRIVES[drive].push(rig, effects), strict=True):
         proportional = (gain,)
         bias = (0.0 - load_force, 0.0, -damping)  # a minus sign alone would write "-0" for no force
         drives.append(Entry("actuator", name, "gainprm", proportional))
         drives.append(Entry("actuator", name, "biasprm", bias))
-    drives.append(Entry("joint", "rope_length", "armature", armature))
     return drives
+
+
+def _rotor_entries(rig: RigParameters) -> list[Entry]:
+    """Return the entries of the rotors of motors, which move with their axes alone."""
+    rotors = {"trolley_position": rig.trolley_motor_mass, "rope_length": rig.winch_mass}
+    return [Entry("joint", joint, "armature", mass) for joint, mass in rotors.items()]
 
 
 def state_addresses(model: mujoco.MjModel) -> NDArray[np.int64]:

@@ -25,7 +25,7 @@ from cranectl.scenario.rig import RigParameters
 from cranectl.support.arrays import Array
 from tests.plants.books import add_hidden
 
-RIG = RigParameters(load_mass=1.3, winch_mass=0.7)
+RIG = RigParameters(load_mass=1.3, winch_mass=0.7, trolley_motor_mass=3.0)
 NUMBERS = EffectNumbers(  # so that all that depends on them weighs
     rope=Rope(stiffness=300.0, mass=0.2, damping_ratio=0.2),
     body=Body(hook_offset=0.2, inertia=0.03, swing_damping=0.1, hook_mass=0.4),
