@@ -81,6 +81,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     names = rig.model_names
     own = plants.open_model(file, names)
     differences = plants.find_differences(own)
+    sizes = plants.cause_sizes(own) if differences else []
     facts = [
         ("model", file),
         *((key.replace("_", " "), name) for key, name in names if name),
@@ -89,6 +90,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
             f"take {own.servo}; an axis moves them {', '.join(f'{r:g}' for r in own.ratios)} times as fast",
         ),
         *((difference.text, difference.meaning) for difference in differences),
+        *((Quantity(size, "m").difference(), cause) for cause, size in sizes),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
@@ -103,6 +105,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
             "ranges": settings["ranges"],
             "assumed_ranges": settings["assumed"],
             "differences": listed,
+            "causes": [size._asdict() for size in sizes],
         }
     )
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD

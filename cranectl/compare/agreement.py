@@ -73,7 +73,8 @@ def pair_limits(scenario: Scenario, drive: Drive, pair: tuple[str, str]) -> Agre
         return NoLimits(f"velocity drives of the {label} plant do not feel the load, unlike those of others")
     for entry in map(PLANTS.entry, pair):
         if entry.differs:
-            return NoLimits(f"the {entry.label} plant is another crane: {entry.differs}")
+            sizes = "cranectl info of its model tells the millimetres of each cause"
+            return NoLimits(f"the {entry.label} plant is another crane: {entry.differs}; {sizes}")
     by_effect, limits = _closed_loop()["effects"], agreement_limits(drive)
     if scenario.effects.sensing and len(by_effect.keys() & set(scenario.effects.names)) > 1:
         return ENCODER_STEPS

@@ -1,7 +1,6 @@
 from .dynamics import AxisMasses as AxisMasses
 from .dynamics import angular_accelerations as angular_accelerations
 from .dynamics import axis_force as axis_force
-from .dynamics import axis_masses as axis_masses
 from .dynamics import drive_forces as drive_forces
 from .dynamics import forced_accelerations as forced_accelerations
 from .dynamics import movable_masses as movable_masses

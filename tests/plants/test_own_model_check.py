@@ -3,13 +3,17 @@
 import shutil
 from pathlib import Path
 
+import mujoco
+import numpy as np
 import pytest
 
 from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
+from cranectl.plants.mujoco.own_motion import SAMPLES, TrialMotion, cause_sizes
 from cranectl.scenario.rig import ModelNames
+from cranectl.support import Array
 from cranectl.support.resources import Shipped
-from tests.plants.own_models import MODELS, NAMES, changed
+from tests.plants.own_models import MODELS, NAMES, changed, servos
 
 WIRE = (
     '<spatial name="wire" stiffness="9" springlength="0.1"><site site="pivot"/><site site="load"/></spatial>'
@@ -91,6 +95,60 @@ def test_each_difference_is_named_with_its_size(
     (difference,) = [difference for difference in differences if difference.what == what]
     assert difference.size == pytest.approx(size, rel=0.5)
     assert cause in difference.meaning
+
+
+WITH_SIZES = {
+    "stiffness of beta": ("crane", 1),
+    "frictionloss of bridge_position": ("crane", 2),
+    "damping of trolley_position": ("crane", 3),
+    "viscosity of the air": ("tendon", 6),
+}
+
+
+def path_of_bare_mujoco(file: Path, motion: TrialMotion) -> Array:
+    """Return the path of the load that the engine alone computes for velocity drives."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, motion.step
+    data, path = mujoco.MjData(model), []
+    for k in range(SAMPLES):
+        data.ctrl[:] = motion.command(k * motion.duration / SAMPLES)
+        mujoco.mj_step(model, data, motion.substeps)
+        mujoco.mj_forward(model, data)
+        path.append(data.site("load").xpos.copy())
+    return np.array(path)
+
+
+@pytest.mark.parametrize("cause", WITH_SIZES)
+def test_causes_are_as_large_as_in_bare_mujoco(cause: str, tmp_path: Path) -> None:
+    """Two files, with and without the cause, move apart by the size that is told of it."""
+    name, index = WITH_SIZES[cause]
+    model = Shipped.MODEL_FILE if name == "crane" else MODELS / f"{name}.xml"
+    file = changed(model, tmp_path, MUTANTS[name][index][:2])
+    own = open_model(file, ModelNames())
+    together, largest, rest = cause_sizes(own)
+    motion = TrialMotion(own)
+    expected = np.linalg.norm(path_of_bare_mujoco(file, motion) - path_of_bare_mujoco(model, motion), axis=1)
+    assert largest == (cause, pytest.approx(expected.max(), rel=1e-6))
+    assert together.size == pytest.approx(expected.max(), rel=1e-5)
+    assert rest.cause == "all else"
+    assert rest.size < 1e-9, "nothing of it is left"
+
+
+def test_what_cannot_be_left_out_remains(tmp_path: Path) -> None:
+    """A second pendulum and a constraint are told as what all else does."""
+    belt = MUTANTS["tendon"][-1]
+    together, rest = cause_sizes(open_model(changed(MODELS / "tendon.xml", tmp_path, belt[:2]), ModelNames()))
+    assert rest.cause == "all else: constraint belt (joint)"
+    assert rest.size == together.size > 1e-3
+
+
+@pytest.mark.parametrize("drive", ["velocity", "force"])
+def test_a_motion_moves_each_drive(drive: str, tmp_path: Path) -> None:
+    """By its share of the rope, on the rigid crane; with forces also under the pull of the load."""
+    file = changed(Shipped.MODEL_FILE, tmp_path, *(servos("motor") if drive == "force" else ()))
+    path = TrialMotion(open_model(file, ModelNames())).run()
+    moved = path[-1] - path[0]
+    assert moved == pytest.approx(0.7 * np.array([0.2, 0.15, 0.1]), rel=0.5 if drive == "force" else 0.1)
 
 
 DRIVE = '<velocity name="bridge_drive"'

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from cranectl.plants.mujoco.own_causes import causes_of
 from cranectl.plants.mujoco.own_model import WINCH, OwnModel
 from cranectl.plants.mujoco.sites import AXES, rope_acceleration
 from cranectl.signals import ROPE
@@ -43,7 +44,11 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
     excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
     other = "inertia of the load, a second pendulum, further masses or forces"
-    causes = f"{known}, or {other}" if (known := ", ".join(_causes(own.model))) else other
+    causes = (
+        f"{known}, or {other}"
+        if (known := ", ".join(cause.text for cause in causes_of(own.model)))
+        else other
+    )
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
     rests[2] = f"it accelerates while its drives rest: does the winch hold the weight? {_holding(own)}"
     driven = [AXES[axis] for axis in own.axes]
@@ -124,24 +129,3 @@ def _excess(own: OwnModel, state: Array) -> Array:
     accelerations = np.array([*pivot_force[:2], rope_acceleration(own.sensors, data.sensordata)])[axes]
     swing = np.linalg.norm(force - direction * (direction @ force))
     return np.array([*np.abs(accelerations * masses - pulls) / own.driven_masses, swing])
-
-
-def _causes(model: mujoco.MjModel) -> Iterator[str]:
-    """Yield what a model has and the rigid crane has not, by name."""
-    dofs, kinds = model.jnt_dofadr, ("stiffness", "damping", "frictionloss")
-    joints = model.jnt_stiffness, model.dof_damping[dofs], model.dof_frictionloss[dofs]
-    tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss
-    for names, tables in ((model.joint, joints), (model.tendon, tendons)):
-        for kind, numbers in zip(kinds, tables, strict=True):
-            yield from (f"{kind} of {names(k).name or k}" for k in np.flatnonzero(numbers))
-    yield from (f"gravcomp of {model.body(k).name or k}" for k in np.flatnonzero(model.body_gravcomp))
-    for constraint, kind in enumerate(model.eq_type):
-        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
-        yield f"constraint {model.equality(constraint).name or constraint} ({word})"  # most have no name
-    yield from (f"{part} of the air" for part in ("density", "viscosity") if getattr(model.opt, part))
-    for k in np.flatnonzero(model.tendon_armature):
-        ends = model.wrap_objid[model.tendon_adr[k] + np.array([0, model.tendon_num[k] - 1])]
-        is_spatial = model.wrap_type[model.tendon_adr[k]] == int(mujoco.mjtWrap.mjWRAP_SITE)
-        if is_spatial and model.body_weldid[model.site_bodyid[ends]].all():  # both ends move
-            name, version = model.tendon(k).name, mujoco.__version__
-            yield f"armature of {name}, which MuJoCo {version} gets wrong where both ends move"
