@@ -11,7 +11,7 @@ from cranectl.plants.mujoco.own_causes import causes_of
 from cranectl.plants.mujoco.own_model import OwnModel
 from cranectl.plants.mujoco.own_plant import OwnPlant
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.plant import Drive, Plant
+from cranectl.plants.plant import Drive
 from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.support import Array
 
@@ -36,7 +36,7 @@ class TrialMotion:
         self.own = own
         self.period = 2.0 * pi * sqrt(own.rest[4] / own.gravity)  # of the free swing [s]
         self.duration = SWINGS * self.period  # [s]
-        self.rig = RigParameters(**own.built_in, **own.names.axes)
+        self.rig = RigParameters.from_table({**own.built_in, **own.names.axes}, str(own.file))
         self.drive: Drive = "force" if own.servo == "force" else "velocity"
         sample = self.duration / SAMPLES
         steps = round(sample / own.model.opt.timestep)
@@ -72,7 +72,7 @@ class TrialMotion:
         weight = np.array([0.0, 0.0, self.rig.weight if self.own.has_winch else 0.0])
         return np.asarray(self.rig.driven_masses * pulse - weight)
 
-    def _path(self, plant: Plant) -> Array:
+    def _path(self, plant: MujocoPlant) -> Array:
         plant.reset(self.own.rest)
         load, path = np.zeros(7), np.zeros((SAMPLES, 3))
         for k in range(SAMPLES):
