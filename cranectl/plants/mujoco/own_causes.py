@@ -10,7 +10,7 @@ import numpy as np
 # What a model may have of a joint or a tendon, by the array of MuJoCo that holds it.
 OF_JOINTS = {"stiffness": "jnt_stiffness", "damping": "dof_damping", "frictionloss": "dof_frictionloss"}
 OF_TENDONS = {kind: f"tendon_{kind}" for kind in OF_JOINTS}
-MAX_NAMED = 3  # elements that a cause names
+MAX_NAMED = 3  # joints or tendons that are causes of their own
 
 
 class Cause(NamedTuple):
@@ -26,9 +26,14 @@ def causes_of(model: mujoco.MjModel) -> Iterator[Cause]:
         for kind, array in kinds.items():
             numbers = getattr(model, array)
             acting = np.flatnonzero(numbers[model.jnt_dofadr] if array.startswith("dof") else numbers)
-            yield from _named(kind, [names(k).name or str(k) for k in acting], partial(_clear, array))
-    lifted = [model.body(k).name or str(k) for k in np.flatnonzero(model.body_gravcomp)]
-    yield from _named("gravcomp", lifted, None)
+            elements = {names(k).name or str(k): _of_joint(model, k, array) for k in acting.tolist()}
+            if len(elements) > MAX_NAMED:  # as of a chain
+                more = f"{', '.join([*elements][:MAX_NAMED])} and {len(elements) - MAX_NAMED} more"
+                elements = {more: slice(None)}
+            for name, place in elements.items():
+                yield Cause(f"{kind} of {name}", partial(_clear, array, place))
+    for k in np.flatnonzero(model.body_gravcomp):
+        yield Cause(f"gravcomp of {model.body(k).name or k}", None)
     for constraint, kind in enumerate(model.eq_type):
         word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
         name = model.equality(constraint).name or constraint  # most have no name
@@ -44,15 +49,16 @@ def causes_of(model: mujoco.MjModel) -> Iterator[Cause]:
             yield Cause(f"armature of {name}, which MuJoCo {version} gets wrong where both ends move", None)
 
 
-def _named(kind: str, names: list[str], remove: Callable[[mujoco.MjModel], None] | None) -> Iterator[Cause]:
-    """Yield one cause for all elements with a number of the same kind."""
-    more = f" and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-    if names:
-        yield Cause(f"{kind} of {', '.join(names[:MAX_NAMED])}{more}", remove)
+def _of_joint(model: mujoco.MjModel, k: int, array: str) -> slice:
+    """Return where joint or tendon `k` stands in an array."""
+    if not array.startswith("dof"):
+        return slice(k, k + 1)
+    first, ends = model.jnt_dofadr[k], np.append(model.jnt_dofadr[1:], model.nv)
+    return slice(first, ends[k])
 
 
-def _clear(array: str, model: mujoco.MjModel) -> None:
-    getattr(model, array)[:] = 0.0
+def _clear(array: str, place: slice, model: mujoco.MjModel) -> None:
+    getattr(model, array)[place] = 0.0
 
 
 def _clear_option(part: str, model: mujoco.MjModel) -> None:
