@@ -212,6 +212,12 @@ CASES: Cases = {
         Case("take '--plants {}', and {} for single runs", "campaign run many.toml --plants drake",
              "campaign run many.toml --plants mujoco"),
     ],
+    "plants/mujoco/drawn_rig.py": [
+        Case("did you mean '{}'?", "render one.mcap a.png --camera sid",
+             "render one.mcap a.png --camera side"),
+        Case("leave out --camera for the overview", "render one.mcap a.png --camera x",
+             "render one.mcap a.png"),
+    ],
     "tools/render/draw.py": [
         Case("choose a higher --speed or a lower --fps, or an .mp4",
              "render four.mcap a.gif --size 400x300 --speed 0.01 --fps 60",

@@ -1,6 +1,6 @@
 """Text on pictures: scenario, time, error of the load, and a legend."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -8,8 +8,9 @@ import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
 from cranectl.scenario import Drawing
-from cranectl.support import Palette, Quantity
-from cranectl.tools.render.timeline import Timeline
+from cranectl.support import Array, Palette, Quantity
+from cranectl.tools.render.outline import OUTLINE_OPACITY
+from cranectl.tools.render.timeline import Timeline, Track
 
 SUPERSAMPLING = 4  # of symbols, since Pillow draws shapes with hard edges
 PLATE_COLOUR = (255, 255, 255, 175)  # behind the legend
@@ -28,10 +29,13 @@ def font(size: int, *, bold: bool = False) -> ImageFont.FreeTypeFont:
 
 
 class Caption:
-    """Draws text and legend onto pictures of one timeline and size."""
+    """Draws text and legend onto pictures of one timeline and size, at some times [s]."""
 
-    def __init__(self, timeline: Timeline, width: int, height: int, scale: ScaleLabel) -> None:
-        self._timeline, self._width = timeline, width
+    def __init__(
+        self, timeline: Timeline, times: Array, size: tuple[int, int], scale: ScaleLabel | None
+    ) -> None:
+        width, height = size
+        self._timeline, self._width, self._legend = timeline, width, legend(timeline, times)
         # Letters shrink with the picture, but stay legible.
         self._unit = max(min(width / 960.0, height / 720.0), 0.62)
         self._fixed = self._fixed_parts(width, height, scale)
@@ -49,7 +53,7 @@ class Caption:
             pen.text((right, y), text, Palette.LIGHT[role], font(self._px(15)), anchor="ra")
             y += self._px(21)
 
-    def _fixed_parts(self, width: int, height: int, scale: ScaleLabel) -> Image.Image:
+    def _fixed_parts(self, width: int, height: int, scale: ScaleLabel | None) -> Image.Image:
         layer = Image.new("RGBA", (width, height), (255, 255, 255, 0))
         pen = ImageDraw.Draw(layer)
         left, run = self._px(24), self._timeline.main.run
@@ -61,9 +65,16 @@ class Caption:
             (52, subtitle, "muted", font(self._px(15))),
         ):
             pen.text((left, self._px(y)), _shorten(text, letters, 0.62 * width), Palette.LIGHT[role], letters)
-        length, (right, middle) = scale
-        pen.text((right + self._px(8), middle), length, Palette.LIGHT["ink"], font(self._px(15)), anchor="lm")
-        rows = legend(self._timeline)
+        if scale:
+            length, (right, middle) = scale
+            place = right + self._px(8), middle
+            pen.text(place, length, Palette.LIGHT["ink"], font(self._px(15)), anchor="lm")
+        if rows := self._legend:
+            self._draw_legend(layer, rows)
+        return layer
+
+    def _draw_legend(self, layer: Image.Image, rows: list[tuple[Symbol, str]]) -> None:
+        pen, left, height = ImageDraw.Draw(layer), self._px(24), layer.height
         step, symbol_width = self._px(23), self._px(30)
         top = height - self._px(14) - step * len(rows)
         letters, gap = font(self._px(14)), self._px(8)
@@ -78,7 +89,6 @@ class Caption:
             symbol(ImageDraw.Draw(symbols), *lengths)
             pen.text((left + self._px(40), top + middle), text, Palette.LIGHT["ink"], letters, anchor="lm")
         layer.alpha_composite(symbols.resize(size, Image.Resampling.BOX), (left, top))
-        return layer
 
     def _px(self, length: float) -> int:
         return round(length * self._unit)
@@ -113,30 +123,55 @@ def readings(timeline: Timeline, time: float) -> list[tuple[str, str]]:
     return lines + [(f"{name} stopped: {label}", "limit") for name, label in stops.items()]
 
 
-def legend(timeline: Timeline) -> list[tuple[Symbol, str]]:
-    """Return the symbols of the drawn objects, each with its meaning."""
-    symbols: list[tuple[Symbol, str]] = []
-    alone = f", last {Drawing(timeline.main.run.scenario.rig).trail:.0f} s"
-    for track in timeline.tracks:
-        colour, width = (track.colour + "66", 9) if track.is_ghost else (track.colour, 3)
-        role = alone if len(timeline.tracks) == 1 else ": ghost" if track.is_ghost else ": solid"
-        name = track.label if timeline.by_label else f"{track.label} plant"
-        symbols.append((partial(_line, colour=colour, width=width), f"{name}{role}"))
-    if timeline.main.run.has_reference:
+def legend(timeline: Timeline, times: Array) -> list[tuple[Symbol, str]]:
+    """Return the symbols of what pictures at `times` [s] show, each with its meaning."""
+    symbols = [*_legend_of_runs(timeline, times)]
+    main = timeline.main
+    rows = _rows(main, times)
+    if main.run.has_reference:
         symbols.append((_ball, "where the load should be"))
-    if len(timeline.path_dashes):
-        symbols.append((_dashed, "its whole path"))
-    runs = [track.run for track in timeline.tracks if track.run.has("disturbance")]
-    if any(run.scenario.forced or run.block("disturbance").any() for run in runs):
+        if len(timeline.path_dashes):
+            symbols.append((_dashed, "its whole path"))
+    acts = main.run.has("disturbance") and main.run.block("disturbance")[rows].any()
+    if acts or main.run.load_force[rows].any():
         symbols.append((_arrow, "disturbance"))
-    if any(track.nearly_slack.any() for track in timeline.tracks):
+    if any(track.nearly_slack[_rows(track, times)].any() for track in timeline.tracks):
         symbols.append((partial(_line, colour=Palette.VIEWER["slack-rope"]), "rope nearly slack"))
     return symbols
+
+
+def _legend_of_runs(timeline: Timeline, times: Array) -> Iterator[tuple[Symbol, str]]:
+    others = timeline.others
+    for track in timeline.tracks:
+        name = track.label if timeline.by_label else f"{track.label} plant"
+        if track.is_ghost and timeline.has_user_model:
+            colour, turn = f"{track.colour}{round(255 * OUTLINE_OPACITY):02x}", others.index(track)
+            symbol = partial(_dashes_in_turn, colour=colour, turn=turn, turns=len(others))
+            yield symbol, f"{name}: outline"
+        elif track.is_ghost:
+            yield partial(_line, colour=track.colour + "66", width=9), f"{name}: ghost"
+        elif others and not timeline.has_user_model:
+            yield partial(_line, colour=track.colour), f"{name}: solid"
+        elif any(track.has_visible_trail(row) for row in _rows(track, times)):
+            duration = f"last {Drawing(track.run.scenario.rig).trail:.0f} s"
+            yield partial(_line, colour=track.colour), f"{name}, {duration}"
+
+
+def _rows(track: Track, times: Array) -> list[int]:
+    return [track.row(time) for time in times]
 
 
 def _line(pen: Pen, middle: float, right: float, unit: float, *, colour: str, width: float = 3) -> None:
     half = width * unit / 2
     pen.rectangle((0, middle - half, right, middle + half), fill=colour)
+
+
+def _dashes_in_turn(
+    pen: Pen, middle: float, right: float, unit: float, *, colour: str, turn: int, turns: int
+) -> None:
+    dash = right / (2 * turns)
+    for k in (turn, turn + turns):
+        pen.rectangle((k * dash, middle - 1.5 * unit, (k + 1) * dash, middle + 1.5 * unit), fill=colour)
 
 
 def _dashed(pen: Pen, middle: float, right: float, unit: float) -> None:

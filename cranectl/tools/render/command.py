@@ -30,7 +30,7 @@ from cranectl.tools import render
 @click.option("--fps", type=float, metavar="N", help="Pictures per second. Default: 25, .gif 10.")
 @click.option("--speed", type=float, metavar="X", help="Simulated seconds per second. Default: 1, real time.")
 @click.option(
-    "--camera", default="overview", show_default=True, metavar="NAME", help="overview, side or top."
+    "--camera", metavar="NAME", help="overview, side, top, or a camera of your own model. Default: overview."
 )
 @click.option("--plots", is_flag=True, help="Error, angles, tension and distance of the plants beside it.")
 @Names.label_option
@@ -41,7 +41,7 @@ def render_command(
     size: str | None,
     fps: float | None,
     speed: float | None,
-    camera: str,
+    camera: str | None,
     plots: bool,
     labels: tuple[str, ...],
 ) -> int:
@@ -49,8 +49,8 @@ def render_command(
 
     Needs no screen. In a log of several plants, MuJoCo's crane is solid and the others are ghosts around
     it. With several LOGs, or an overlay, the first run is solid and the others are ghosts with labels.
-    The rope is
-    orange-red while it pulls with less than 15 % of the load's weight.
+    Beside your own model, the rope and load of the others are outlines. The rope is orange-red while it
+    pulls with less than 15 % of the load's weight.
 
     \b
     cranectl render logs/fixed-position/lqr-ideal.mcap run.mp4 --plots

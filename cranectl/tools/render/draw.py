@@ -21,7 +21,6 @@ from cranectl.tools.render.opengl import check_engine
 from cranectl.tools.render.plots import Plots
 from cranectl.tools.render.timeline import Timeline
 
-CAMERAS = ("overview", "side", "top")
 OPTION_RANGES = {"fps": (1.0, 60.0), "speed": (0.01, 100.0)}
 MIN_SIZES, MAX_SIZE = {False: (400, 300), True: (720, 360)}, (3840, 2160)  # keys: with plots
 DEFAULT_SIZES = {  # keys: (GIF, with plots)
@@ -52,7 +51,7 @@ class RenderSettings:
     out: Path
     width: int
     height: int
-    camera: str
+    camera: str | None  # of the user's or of the shipped model; None: the overview of the latter
     plots: bool
     time: float | None  # of a still [s]; None: when the load is farthest from its reference
     fps: float
@@ -68,7 +67,7 @@ def render_settings(
     out: Path,
     *,
     size: str | None = None,
-    camera: str = "overview",
+    camera: str | None = None,
     plots: bool = False,
     time: float | None = None,
     fps: float | None = None,
@@ -76,7 +75,6 @@ def render_settings(
 ) -> RenderSettings:
     """Return settings for a .png, .gif or .mp4, with defaults; raise InputError for impossible ones."""
     suffix = out.suffix.lower()
-    InputError.check_known("camera", [camera], CAMERAS)
     if suffix == ".png" and (fps is not None or speed is not None):
         raise InputError(
             f"{out} is a still, which has no --fps or --speed",
@@ -116,14 +114,15 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
     """Draw runs by plant or label into `settings.out`, and return the time of the last picture [s].
 
     `progress` is called with the simulated seconds that each picture adds. Raises InputError for a time
-    outside the run, a GIF that is too long, no OpenGL, no encoder, or a file that cannot be written.
+    outside the run, an unknown camera, a GIF that is too long, no OpenGL, no encoder, or a file that cannot
+    be written.
     """
     timeline = Timeline.of(runs)
     times = _times(timeline, settings)
     if settings.suffix == ".mp4":
         check_encoder()
     file = File(settings.out)
-    with file.writing(), _painter(timeline, settings) as paint, file.replacing() as part:
+    with file.writing(), _painter(timeline, settings, times) as paint, file.replacing() as part:
         pictures = _pictures(paint, times, progress)
         if settings.suffix == ".png":
             next(pictures).save(part, format="png", optimize=True)
@@ -138,13 +137,14 @@ def draw_runs(runs: Mapping[str, Run], settings: RenderSettings, progress: Progr
 def draw_worst_moment(runs: Mapping[str, Run]) -> tuple[float, Image.Image]:
     """Return the time at which the load is farthest from its reference [s], and its picture."""
     timeline = Timeline.of(runs)
-    with _painter(timeline, render_settings(Path("worst.png"))) as paint:
-        return timeline.worst_time, paint(timeline.worst_time)
+    time = timeline.worst_time
+    with _painter(timeline, render_settings(Path("worst.png")), np.array([time])) as paint:
+        return time, paint(time)
 
 
 @contextmanager
-def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
-    """Yield a function that paints the picture at a time [s], with plots on the right."""
+def _painter(timeline: Timeline, settings: RenderSettings, times: Array) -> Iterator[Paint]:
+    """Yield a function that paints the picture at one of `times` [s], with plots on the right."""
     check_engine()
     from cranectl.tools.render.scene import renderer  # imports the engine
 
@@ -163,7 +163,7 @@ def _painter(timeline: Timeline, settings: RenderSettings) -> Iterator[Paint]:
         return whole
 
     with renderer(timeline, settings.camera, width, height) as scene:
-        caption = Caption(timeline, width, height, scene.scale_label)
+        caption = Caption(timeline, times, (width, height), scene.scale_label)
         yield paint
 
 

@@ -1,4 +1,4 @@
-"""The crane drawn by MuJoCo's renderer, with ghosts, trails, the path and disturbances of runs."""
+"""The crane drawn by MuJoCo's renderer, with ghosts or outlines, trails, path and disturbances of runs."""
 
 import contextlib
 from collections.abc import Iterator
@@ -12,6 +12,7 @@ from cranectl.plants import DrawnRig
 from cranectl.scenario import Drawing, RigParameters
 from cranectl.support import Array, Palette
 from cranectl.tools.render.opengl import drawing_context
+from cranectl.tools.render.outline import OUTLINE_OPACITY, dashes_in_turn, rope_and_load, sides
 from cranectl.tools.render.timeline import Timeline, Track
 
 Pixels = NDArray[np.uint8]
@@ -23,6 +24,7 @@ GHOST = 0.45  # opacity
 GHOST_HALO = 0.006  # [m] by which a ghost is larger, so that it shows around a solid crane in the same place
 GHOST_OFFSET = 0.03  # [m] by which a ghost is farther from the camera, so as not to tint the solid crane
 ROPE_WIDTH = 0.006  # [m]
+NEARNESS = 0.5  # distance from the camera, over the true one, of what a user's model must not hide
 TAUT_COLOUR, SLACK_COLOUR = Palette.LIGHT.rgb("ink"), Palette.VIEWER.rgb("slack-rope")
 ARROW_LENGTH, ARROW_WIDTH = 0.25, 0.012  # [m] for 1 rad/s² at the scaled rope; [m]
 MAX_ARROW = 0.6  # [m]
@@ -40,11 +42,11 @@ OBSTACLE_OPACITY = 0.45  # so that a load behind an obstacle is visible
 
 
 @contextlib.contextmanager
-def renderer(timeline: Timeline, camera: str, width: int, height: int) -> Iterator["Renderer"]:
-    """Yield a renderer for pictures of this size; raise InputError without OpenGL."""
+def renderer(timeline: Timeline, camera: str | None, width: int, height: int) -> Iterator["Renderer"]:
+    """Yield a renderer for pictures of this size; raise InputError without OpenGL or without the camera."""
     rig = timeline.main.run.scenario.rig
     drawn = _drawn(rig, width, height, timeline.main.run.model)
-    model = drawn.model
+    model, camera = drawn.model, drawn.find_camera(camera)
     if camera == "overview" and rig.look.frame:
         for post in map(model.geom, range(model.ngeom)):
             if post.name.startswith((DrawnRig.NEAR_POST, FILED_NEAR_POST)):
@@ -67,15 +69,17 @@ class Renderer:
         self._line_width = min(self._size[0] / 480.0, self._size[1] / 360.0)  # [px]
         # The solid crane comes first, since it sets up the scene with all static objects.
         tracks = sorted(timeline.tracks, key=lambda track: track.is_ghost)
-        shared = {} if drawn.is_own else {rig: drawn}
-        rigs = {track.run.scenario.rig for track in tracks if track.is_ghost} - shared.keys()
-        shared |= {other: _drawn(other, *self._size) for other in rigs}
-        rigs_of = [shared[track.run.scenario.rig] if track.is_ghost else drawn for track in tracks]
-        self._tracks = [(t, d, mujoco.MjData(d.model)) for t, d in zip(tracks, rigs_of, strict=True)]
+        if timeline.has_user_model:
+            tracks = [timeline.main]
+        rigs = {track.run.scenario.rig for track in tracks if track.is_ghost} - {rig}
+        shared = {rig: drawn} | {other: _drawn(other, *self._size) for other in rigs}
+        self._tracks = [(t, d, mujoco.MjData(d.model)) for t in tracks for d in [shared[t.run.scenario.rig]]]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        self._camera.fixedcamid = model.camera(camera).id
-        self._eye = np.array(model.camera(camera).pos)
+        self._camera.fixedcamid = k = model.camera(camera).id
+        self._eye, self._ahead = np.array(model.cam_pos[k]), -model.cam_mat0[k].reshape(3, 3)[:, 2]
+        self._is_parallel = model.cam_projection[k] == int(mujoco.mjtProjection.mjPROJ_ORTHOGRAPHIC)
+        self._has_bar = camera in DrawnRig.CAMERAS  # which are made to show it
         self._bar, self._tick = _scale_bar(rig, top=camera == "top")
         self._scene = mujoco.MjvScene(model, MAX_GEOMS)
         # These would take most of the time and clutter the floor.
@@ -93,8 +97,10 @@ class Renderer:
         return pixels[::-1]
 
     @property
-    def scale_label(self) -> tuple[str, tuple[float, float]]:
-        """Length of the scale bar, and the position of its right end in pictures (x right, y down) [px]."""
+    def scale_label(self) -> tuple[str, tuple[float, float]] | None:
+        """Length of the scale bar, if any, and place of its right end in pictures (x right, y down) [px]."""
+        if not self._has_bar:
+            return None
         camera = self._camera.fixedcamid
         x, y, z = self._model.cam_mat0[camera].reshape(3, 3).T @ (self._bar[1] - self._eye)
         width, height = self._size
@@ -117,14 +123,20 @@ class Renderer:
                 if track.run.has_reference:
                     self._add_reference(track, row)
             self._add_trail(track, row)
-        for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
-            self._connect(LINE, 2.0 * self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 1.0))
+        if self._timeline.has_user_model:
+            for turn, track in enumerate(self._timeline.others):
+                self._add_outline(track, track.row(time), turn)
+        if self._has_bar:
+            self._add_bar()
         for box in self._timeline.main.run.scenario.obstacles:
             low, high = np.array(box.low), np.array(box.high)
             shade = (*Palette.LIGHT.rgb("muted"), OBSTACLE_OPACITY)
             self._add(BOX, 0.5 * (high - low), 0.5 * (low + high), shade)
 
     def _set_solid(self, data: Any, rope: Colour) -> None:
+        camera = self._camera.fixedcamid  # it may move with a part of the model
+        self._eye = data.cam_xpos[camera].copy()
+        self._ahead = -data.cam_xmat[camera].reshape(3, 3)[:, 2]
         self._model.material("rope").rgba = (*rope, 1.0)
         everything, how = mujoco.mjtCatBit.mjCAT_ALL, (mujoco.MjvOption(), mujoco.MjvPerturb())
         mujoco.mjv_updateScene(self._model, data, *how, self._camera, everything, self._scene)
@@ -143,6 +155,28 @@ class Renderer:
             if is_shape and model.geom(geom.objid).name.startswith(DrawnRig.NEAR_POST):
                 geom.rgba[3] = 0.0  # hidden, as the solid crane's is transparent
 
+    def _add_outline(self, track: Track, row: int, turn: int) -> None:
+        """Add lines around rope, load and trail, in dashes that leave room for those of the other runs."""
+        state, load = track.run.block("state")[row], track.run.load_position[row]
+        pivot, drawing = np.array([state[0], state[2], 0.0]), Drawing(track.run.scenario.rig)
+        halo, sight = GHOST_HALO * drawing.scale, self._sight(load)
+        radius, half_width = drawing.load_radius + halo, ROPE_WIDTH * drawing.scale + halo
+        rope, circle = rope_and_load(pivot, load, sight, radius=radius, half_width=half_width)
+        colour = Palette.LIGHT.rgb(track.colour)
+        for line in sides(track.trail(row), sight, half_width):
+            self._add_dashes(line, turn, colour)
+        self._add_dashes(self._nearer(circle), turn, colour)
+        for line in rope:
+            self._add_dashes(self._nearer(line), turn, SLACK_COLOUR if track.nearly_slack[row] else colour)
+
+    def _add_dashes(self, line: Array, turn: int, colour: Colour) -> None:
+        for start, end in dashes_in_turn(line, turn, len(self._timeline.others)):
+            self._connect(LINE, self._line_width, start, end, (*colour, OUTLINE_OPACITY))
+
+    def _add_bar(self) -> None:
+        for start, end in (self._bar, *np.stack([self._bar - self._tick, self._bar + self._tick], axis=1)):
+            self._connect(LINE, 2.0 * self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 1.0))
+
     def _add_disturbance(self, track: Track, data: Any, row: int) -> None:
         load = track.run.load_position[row]
         for joint, magnitude in zip(("alpha", "beta"), track.run.block("disturbance")[row], strict=True):
@@ -157,15 +191,18 @@ class Renderer:
         size = float(np.linalg.norm(acceleration))
         if size > 0.0:
             end = load + acceleration / size * self._scale * min(ARROW_LENGTH * size, MAX_ARROW)
-            self._connect(ARROW, ARROW_WIDTH * self._scale, load, end, (*Palette.LIGHT.rgb("series-4"), 1.0))
+            width = ARROW_WIDTH * self._scale * self._nearer_size
+            purple = (*Palette.LIGHT.rgb("series-4"), 1.0)
+            self._connect(ARROW, width, self._nearer(load), self._nearer(end), purple)
 
     def _add_reference(self, track: Track, row: int) -> None:
         load, target = track.run.load_position[row], track.run.reference_position[row]
         green = (*Palette.LIGHT.rgb("series-3"), 1.0)
         for start, end in self._timeline.path_dashes:
             self._connect(LINE, self._line_width, start, end, (*Palette.LIGHT.rgb("ink"), 0.8))
-        self._connect(LINE, self._line_width, load, target, green)
-        self._add(SPHERE, (MARKER_RADIUS * self._scale, 0.0, 0.0), target, green)
+        self._connect(LINE, self._line_width, self._nearer(load), self._nearer(target), green)
+        radius = MARKER_RADIUS * self._scale * self._nearer_size
+        self._add(SPHERE, (radius, 0.0, 0.0), self._nearer(target), green)
         # A disc below the load in place of a shadow.
         below = (load[0], load[1], self._floor + SHADOW_HEIGHT * self._scale)
         self._add(CYLINDER, self._scale * np.array(SHADOW_SIZE), below, (0.0, 0.0, 0.0, 0.3))
@@ -182,9 +219,26 @@ class Renderer:
             )
 
     def _behind(self, point: Array) -> Array:
-        sight = point - self._eye
+        sight = self._sight(point)
         shifted: Array = point + GHOST_OFFSET * self._scale * sight / np.linalg.norm(sight)
         return shifted
+
+    def _sight(self, point: Array) -> Array:
+        """Return the way from the camera to points (..., 3) [m]."""
+        way: Array = point - self._eye
+        return np.multiply.outer(way @ self._ahead, self._ahead) if self._is_parallel else way
+
+    def _nearer(self, point: Array) -> Array:
+        """Return points seen at the same place, but before a user's model, whose load may be large."""
+        if not self._timeline.has_user_model:
+            return point
+        nearer: Array = point - (1.0 - NEARNESS) * self._sight(point)
+        return nearer
+
+    @property
+    def _nearer_size(self) -> float:
+        """Factor by which a shape that is drawn nearer must be smaller to look as large."""
+        return NEARNESS if self._timeline.has_user_model and not self._is_parallel else 1.0
 
     def _add(self, kind: int, size: Any, position: Any, rgba: Any) -> Any:
         geom = self._scene.geoms[self._scene.ngeom]

@@ -20,10 +20,10 @@ MAX_DRAWN = 1e6  # [m] or [rad]; samples beyond are left out
 
 @dataclass(frozen=True)
 class Track:
-    """One run. Of several, only the reference plant's, or the first by label, is solid; others are ghosts."""
+    """One run. Of several, one is solid: of a user's or the reference plant, or the first by label."""
 
     run: Run
-    is_ghost: bool
+    is_ghost: bool  # or an outline, see `Timeline.has_user_model`
     label: str
     colour: str  # `#rrggbb`
 
@@ -56,6 +56,11 @@ class Track:
         points: Array = self.run.load_position[np.unique(np.linspace(start, row, TRAIL_POINTS).astype(int))]
         return points
 
+    def has_visible_trail(self, row: int) -> bool:
+        """Return True if the trail leaves the drawn load."""
+        away = np.linalg.norm(self.trail(row) - self.run.load_position[row], axis=1)
+        return bool(away.max() > Drawing(self.run.scenario.rig).load_radius)
+
 
 @dataclass(frozen=True)
 class Timeline:
@@ -71,6 +76,17 @@ class Timeline:
         return next(track for track in self.tracks if not track.is_ghost)
 
     @cached_property
+    def has_user_model(self) -> bool:
+        """Whether the run drawn solid is of a user's model, beside which other runs are outlines."""
+        run = self.main.run
+        return bool(run.model) and run.plant in PLANTS and not PLANTS[run.plant].is_own
+
+    @cached_property
+    def others(self) -> list[Track]:
+        """The runs that are ghosts or outlines."""
+        return [track for track in self.tracks if track.is_ghost]
+
+    @cached_property
     def path_dashes(self) -> Array:
         """The desired path of the longest run as dashes (M, 2, 3) [m]; none if the reference stays."""
         longest = max((track.run for track in self.tracks), key=lambda run: run.end_ns)
@@ -82,7 +98,7 @@ class Timeline:
     def distances(self) -> list[tuple[Array, Array]]:
         """Times [s], and distances [m] of each ghost's load from the solid crane's load."""
         result, solid = [], self.main.run
-        for run in (track.run for track in self.tracks if track.is_ghost):
+        for run in (track.run for track in self.others):
             times = solid.time_ns, run.time_ns
             _, rows, run_rows = np.intersect1d(*times, assume_unique=True, return_indices=True)
             distance = np.linalg.norm(solid.load_position[rows] - run.load_position[run_rows], axis=1)

@@ -133,6 +133,7 @@ def test_a_gif_loops_in_real_time_with_the_colours_of_the_legend() -> None:
         (["run.mcap", "run.png", "--size", "5000x300"], "--size 5000x300"),
         (["run.mcap", "run.png", "--size", "500x298"], "--size 500x298"),
         (["run.mcap", "run.png", "--camera", "sid"], "did you mean 'side'?"),
+        (["run.mcap", "run.png", "--camera", "x"], "side, top (the drawn model has no other cameras)"),
         (["half.mcap", "run.mp4"], "half.mcap"),
     ],
 )

@@ -1,7 +1,6 @@
 """A run on a model file is drawn with the geometry of the model, also where the file is not."""
 
 import shutil
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -68,15 +67,6 @@ def test_a_mesh_in_a_log_has_the_points_of_its_file(hall: Run) -> None:
     ]
     np.testing.assert_allclose(distances[0], distances[1], atol=1e-6)
     np.testing.assert_allclose(own.mesh_pos, filed.mesh_pos, atol=1e-6)
-
-
-def test_a_ghost_has_the_shape_of_its_rig(hall: Run) -> None:
-    """Ghosts show how far runs are apart, so they all have the same shapes."""
-    ghost = replace(hall, plant="mujoco")
-    with renderer(Timeline.of({"a": hall, "b": ghost}), "overview", WIDTH, HEIGHT) as pictures:
-        (_, solid, _), (_, other, _) = pictures._tracks
-        assert solid.model.ngeom == 1 + len(SHAPES)
-        assert other.model.nmesh == 0
 
 
 @pytest.mark.parametrize(

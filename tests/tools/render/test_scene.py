@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from cranectl.plants.mujoco.drawn_rig import DrawnRig
 from cranectl.plants.registry import PLANTS
 from cranectl.signals import COLUMN
 from cranectl.support.colours import Palette
 from cranectl.support.resources import Shipped
-from cranectl.tools.render.draw import CAMERAS
 from cranectl.tools.render.scene import renderer
 from cranectl.tools.render.timeline import Timeline
 from tests.tools.render.pictures import (
@@ -161,7 +161,7 @@ def test_narrow_pictures_show_the_whole_rig() -> None:
 
 
 @pytest.mark.parametrize(("times", "length"), [(1.0, 0.5), (2.25, 1.0), (0.1, 0.05)])
-@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("camera", DrawnRig.CAMERAS)
 def test_the_scale_bar_has_its_stated_length_and_place(camera: str, times: float, length: float) -> None:
     """At the place and as long as it says, in a round number."""
     timeline = Timeline.of({"": enlarge_run(moving_run("mujoco"), times)})
@@ -190,7 +190,7 @@ def test_a_load_behind_the_near_post_is_visible() -> None:
     assert nearness(patch(picture, place), "#b82120") > 0.4
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("camera", DrawnRig.CAMERAS)
 def test_a_larger_rig_looks_like_the_small_one(camera: str) -> None:
     runs = both_runs()
     enlarged = {plant: enlarge_run(run, 2.5) for plant, run in runs.items()}

@@ -114,7 +114,7 @@ def test_runs_of_an_overlay_are_named_by_their_labels() -> None:
         f"stiff off by {Quantity(far, 'm')}",
         "others up to 250 mm away",
     ]
-    texts = [text for _, text in legend(timeline)]
+    texts = [text for _, text in legend(timeline, np.array([5.0]))]
     assert {"soft: solid", "stiff: ghost"} <= {*texts}
     assert not any("plant" in text for text in texts)
 
@@ -123,10 +123,13 @@ def test_the_legend_names_exactly_what_is_drawn() -> None:
     run = moving_run("mujoco")
     table = run.table.copy()
     table[5, COLUMN.tension] = 0.1
+    first = run.time[5]
     calm = cut(run, 4.0)
     hold = replace(run, reference=np.tile(run.reference[:1], (len(run.reference), 1)))
     logs = ({"mujoco": calm}, both_runs(), {"mujoco": replace(run, table=table)}, {"mujoco": hold})
-    calm_texts, pair, slack, held = ({text for _, text in legend(Timeline.of(runs))} for runs in logs)
+    calm_texts, pair, slack, held = (
+        {text for _, text in legend(Timeline.of(runs), np.array([first, 7.0]))} for runs in logs
+    )
     assert {"analytic plant: ghost", "disturbance"} <= pair
     assert not any("analytic" in text or text == "disturbance" for text in calm_texts)
     assert ["rope nearly slack" in texts for texts in (calm_texts, pair, slack)] == [False, False, True]
