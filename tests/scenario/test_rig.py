@@ -58,6 +58,14 @@ def test_every_assumption_is_documented() -> None:
         assert any(word in field.description for word in ("assumed", "thesis", "usual")), name
 
 
+def test_each_drive_moves_what_it_carries() -> None:
+    rig = RigParameters(
+        bridge_mass=6.0, trolley_mass=2.5, trolley_motor_mass=4.0, winch_mass=0.4, load_mass=1.0
+    )
+    assert rig.axis_masses == pytest.approx([6.0 + 2.5, 2.5 + 4.0, 0.4])
+    assert rig.driven_masses == pytest.approx([8.5, 6.5, 0.4 + 1.0])
+
+
 def test_ranges_are_the_dimensions_of_the_rig() -> None:
     workspace = RigParameters().workspace
     assert workspace.shape == (3, 2)

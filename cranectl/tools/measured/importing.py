@@ -171,6 +171,7 @@ def import_runs(
     Raises InputError as `import_files` does, and for a run that contradicts physics alone.
     """
     parameters = RigFile.load(rig or RigFile.place(mapping.rig, directory))
+    mapping = mapping.on(parameters)
     recorded = [
         _record(source, mapping.model_copy(update={"name": source.name}), parameters) for source in sources
     ]

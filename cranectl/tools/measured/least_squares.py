@@ -165,7 +165,7 @@ class LeastSquares:
 
     def reduce(self) -> None:
         """Compute the normal equations of each run, misfit and deviations from the linearised equations."""
-        self.misfit = float(np.mean(np.square(np.concatenate([base for base, _, _ in self.parts]))))
+        self.misfit = float(np.mean(np.square(np.concatenate([part.ravel() for part in self.residuals()]))))
         self.normal = [reduced_equations(*part) for part in self.parts]
         inverse = np.linalg.pinv(sum(matrix for matrix, _ in self.normal))
         self.deviations = np.sqrt(np.diag(inverse).clip(min=0.0) * max(self.misfit, 1.0))
@@ -216,10 +216,15 @@ class LeastSquares:
 
     def misfits(self) -> dict[str, float]:
         """Return the mean square of the residuals of each compared channel, in units of noise."""
-        channels = self.experiments[0].channels
-        residuals = np.vstack([base.reshape(len(e.rows), -1) for e, (base, _, _) in self.runs()])
-        means = np.square(residuals).mean(axis=0).tolist()
-        return dict(zip(CHANNELS[channels], means, strict=True))
+        first = self.experiments[0]
+        names = [n for n, moves in zip(CHANNELS[first.channels], first.moving, strict=True) if moves]
+        means = np.square(np.vstack([*self.residuals()])).mean(axis=0).tolist()
+        return dict(zip(names, means, strict=True))
+
+    def residuals(self) -> Iterator[Array]:
+        """Yield the residuals of each run (M, C) in units of noise, without channels of fixed axes."""
+        for experiment, (base, _, _) in self.runs():
+            yield base.reshape(len(experiment.rows), -1)[:, experiment.moving]
 
     def runs(self) -> Iterator[tuple[Experiment, tuple[Array, Array, Array]]]:
         """Yield each experiment with its residuals and their derivatives by common and by own numbers."""

@@ -14,13 +14,19 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from cranectl.reference import SI_FACTORS
-from cranectl.scenario import Duration, RuleError, Settings
-from cranectl.support import TOML
+from cranectl.scenario import Duration, RigParameters, RuleError, Settings
+from cranectl.support import TOML, InputError
 
 POSITIONS = ("bridge_position", "trolley_position", "rope_length")
 ANGLES = ("alpha", "beta")
 LOAD = ("load_x", "load_y", "load_z")
 COMMANDS = ("bridge_command", "trolley_command", "rope_command")
+# Signals that stay constant if bridge, trolley or winch cannot move. A fixed rope has to be measured once.
+OF_AXES = (
+    ("bridge_position", "beta", "load_x", "bridge_command"),
+    ("trolley_position", "alpha", "load_y", "trolley_command"),
+    ("rope_command",),
+)
 LENGTHS = {unit: SI_FACTORS[unit] for unit in ("m", "cm", "mm")} | {"um": 1e-6}
 TIMES = {unit: SI_FACTORS[unit] for unit in ("s", "ms", "us", "ns")}
 COUNTS = {"count": 1.0}  # of an encoder; `scale` has the SI units of one count
@@ -141,8 +147,10 @@ def _check_constant(name: str, signal: SignalMap, unit: float) -> None:
 class SignalMaps(Settings):
     """The signals of a measured crane; those that were not measured are absent."""
 
-    bridge_position: SignalMap = Field(description="along x [m]")
-    trolley_position: SignalMap = Field(description="along y [m]")
+    bridge_position: SignalMap | None = Field(None, description="along x [m]; needed if the rig moves there")
+    trolley_position: SignalMap | None = Field(
+        None, description="along y [m]; needed if the rig moves there"
+    )
     rope_length: SignalMap = Field(description="from pivot to load [m]")
     alpha: SignalMap | None = Field(
         None, description="angle of the rope, positive if the load is at larger y"
@@ -159,18 +167,6 @@ class SignalMaps(Settings):
     def declared(self) -> dict[str, SignalMap]:
         """The signals that the map has, by name."""
         return {name: signal for name, signal in vars(self).items() if signal is not None}
-
-    @model_validator(mode="after")
-    def _groups_are_whole(self) -> "SignalMaps":
-        for group in (ANGLES, LOAD, COMMANDS):
-            missing = [name for name in group if name not in self.declared]
-            if 0 < len(missing) < len(group):
-                raise RuleError(
-                    f"signals.{missing[0]} is missing, and others of its group are there",
-                    allowed=f"all of {', '.join(group)}, or none",
-                    remedy=f"add signals.{missing[0]}, with value = 0.0 if it does not change",
-                )
-        return self
 
 
 class MeasuredMap(Settings):
@@ -202,12 +198,12 @@ class MeasuredMap(Settings):
     @model_validator(mode="after")
     def _units_fit(self) -> "MeasuredMap":
         declared = self.signals.declared
-        if (self.commands is None) != (COMMANDS[0] not in declared):
+        if (self.commands is None) != declared.keys().isdisjoint(COMMANDS):
             raise RuleError(
                 "commands without signals"
                 if self.commands
                 else "signals of commands, of a kind that is not given",
-                allowed="the kind of the commands together with their three signals",
+                allowed="the kind of the commands together with their signals",
                 remedy=f"add signals.{', signals.'.join(COMMANDS)}"
                 if self.commands
                 else 'add commands = "velocity"',
@@ -232,6 +228,30 @@ class MeasuredMap(Settings):
     def units(self, name: str) -> dict[str, float]:
         """Return the units that the readings of a signal can have, with their sizes in SI units."""
         return COMMAND_UNITS[self.commands or "velocity"] if name in COMMANDS else UNITS[name]
+
+    def on(self, rig: RigParameters) -> "MeasuredMap":
+        """Return the map with constants for signals of fixed axes of `rig` that it leaves out.
+
+        Raises InputError if other signals are missing.
+        """
+        declared, places = self.signals.declared, dict(zip(POSITIONS, rig.workspace.tolist(), strict=True))
+        still = {name for names, moves in zip(OF_AXES, rig.moves, strict=True) if not moves for name in names}
+        added = {}
+        for group in (POSITIONS, ANGLES, LOAD, COMMANDS):
+            missing = [name for name in group if name not in declared]
+            if len(missing) == len(group) and group is not POSITIONS:
+                continue  # nobody measured it
+            if moving := [name for name in missing if name not in still]:
+                raise InputError(
+                    f"signals.{moving[0]} is missing, and others of its group are there",
+                    allowed=f"all of {', '.join(group)}, or none; of a crane with fixed axes those that move",
+                    remedy=f"add signals.{moving[0]}, with value = 0.0 if it does not change",
+                )
+            for name in missing:
+                low, high = places.get(name, (0.0, 0.0))
+                unit = next(iter(self.units(name)))
+                added[name] = SignalMap(value=min(max(0.0, low), high), unit=unit)
+        return self.model_copy(update={"signals": self.signals.model_copy(update=added)})
 
     def clock(self, signal: SignalMap) -> ClockMap:
         """Return the clock of a signal: its own, that of its file, or that of all files."""

@@ -194,8 +194,12 @@ class Responses:
         return float(lag) + 0.5 * min(self.periods)
 
     def moves(self, name: str) -> bool:
-        """Return whether a signal moves by more than noise and steps of its readings, in any recording."""
-        return any(_moves(part.columns[name]) for part in self.parts)
+        """Return whether a signal moves by more than noise and steps of its readings, in any recording.
+
+        A command that is switched between a few values has steps of its own, which are no errors of readings.
+        """
+        steps = 0.0 if name in COMMANDS else STEPS_OF_MOTION
+        return any(_moves(part.columns[name], steps) for part in self.parts)
 
 
 @cache
@@ -212,10 +216,10 @@ def white_noise(values: Array) -> float:
     return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / sqrt(20.0)
 
 
-def _moves(values: Array) -> bool:
+def _moves(values: Array, steps_of_motion: float) -> bool:
     steps = np.abs(np.diff(values))
     changed = steps[steps > 0.0]
     if not len(changed):
         return False
-    allowed = STEPS_OF_MOTION * float(changed.min()) + NOISE_OF_MOTION * white_noise(values)
+    allowed = steps_of_motion * float(changed.min()) + NOISE_OF_MOTION * white_noise(values)
     return float(np.ptp(values)) > max(allowed, MIN_MOTION)
