@@ -154,7 +154,8 @@ def excesses(scenario: Scenario, load: Array) -> dict[str, float]:
     }
     lags = np.array([rig.bridge_time_constant, rig.trolley_time_constant, rig.winch_time_constant])
     lags = lags * scenario.control.lag_compensation
-    moved = rig.bridge_mass + rig.trolley_mass, rig.trolley_mass, rig.winch_mass
+    along_y = rig.trolley_mass + rig.trolley_motor_mass
+    moved = rig.bridge_mass + rig.trolley_mass, along_y, rig.winch_mass
     load_box = planning.load_box or (rig.bridge_range, rig.trolley_range, (-rig.rope_range[1], 0.0))
     gap = 0.0 if planning.load_box else planning.clearance
     ranges = rig.bridge_range, rig.trolley_range, rig.rope_range

@@ -38,10 +38,11 @@ class Loop(NamedTuple):
     drive: str
     controller: str
     settings: tuple[str, ...] = ()
+    name: str = "fast-diagonal"
 
     @property
     def scenario(self) -> Scenario:
-        return load_scenario("fast-diagonal", overrides=[*SHORT, *self.settings])
+        return load_scenario(self.name, overrides=[*SHORT, *self.settings])
 
     def run(self, controller: str = "") -> Run:
         name = controller or self.controller
@@ -54,9 +55,11 @@ LOOPS = [
     Loop("analytic", "velocity", "lqr", ("effects.limits={force=[1e9, 1e9, 1e9]}",)),
     Loop("analytic", "force", "lqr-integral"),
     Loop("elastic", "velocity", "lqr+loop-shaping", ("effects.rope={}", "effects.body={}")),
-    Loop("elastic", "force", "lqr-offset-free", ("effects.frame={}",)),
+    Loop("elastic", "force", "lqr-offset-free", ("effects.frame={}", "rig.trolley_motor_mass=4")),
+    Loop("analytic", "velocity", "lqr-integral", (), "cart-transfer"),
+    Loop("analytic", "force", "lqr", ("rig.rope='hoisted'", "rig.trolley_motor_mass=4"), "cart-transfer"),
 ]
-IDS = [f"{loop.plant}, {loop.drive}, {loop.controller}" for loop in LOOPS]
+IDS = [f"{loop.plant}, {loop.drive}, {loop.controller}, {loop.name}" for loop in LOOPS]
 
 
 def write_controller(loop: Loop, folder: Path) -> Path:

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ CONSTANT = {
     "trolley_command": {"value": 0.0, "unit": "mm/s"},
     "rope_command": {"value": 0.0, "unit": "m/s"},
 }
-MAP = {
+MAP: dict[str, Any] = {
     "name": "cart",
     "rig": "cart-pendulum",
     "commands": "velocity",
@@ -76,7 +77,7 @@ def test_a_planar_map_needs_no_constants(tmp_path: Path) -> None:
     cart, angle, _ = measure(file, 0.2, 1.5)
     run, explicit = (
         import_files([file], MeasuredMap.from_table(table, "map"), directory=tmp_path).run
-        for table in (MAP, MAP | {"signals": {**CONSTANT, **MAP["signals"]}})  # type: ignore[dict-item]
+        for table in (MAP, MAP | {"signals": {**CONSTANT, **MAP["signals"]}})
     )
     assert run.table.tobytes() == explicit.table.tobytes()
     state = run.block("state")
@@ -98,8 +99,8 @@ def test_a_planar_map_needs_no_constants(tmp_path: Path) -> None:
 def test_what_moves_must_be_there(rig: str, left_out: str, missing: str, tmp_path: Path) -> None:
     """Of groups that nobody measured, as angles, nothing is needed."""
     measure(tmp_path / "cart.csv", 0.2, 1.5)
-    signals = {name: signal for name, signal in MAP["signals"].items() if name != left_out}  # type: ignore[attr-defined]
-    mapping = {**MAP, "rig": rig, "signals": signals}
+    signals = {name: signal for name, signal in MAP["signals"].items() if name != left_out}
+    mapping: dict[str, Any] = {**MAP, "rig": rig, "signals": signals}
     if left_out == "bridge_command":
         mapping["signals"]["rope_command"] = CONSTANT["rope_command"]
     read = MeasuredMap.from_table(mapping, "map")
