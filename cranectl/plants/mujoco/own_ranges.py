@@ -9,6 +9,7 @@ from cranectl.signals import BRIDGE, ROPE, TROLLEY
 
 MIN_ROPE = 1e-3  # [m] of rope
 ASSUMED = {BRIDGE: 3.0, TROLLEY: 3.0, ROPE: 0.5}  # travel to each side, in lengths of the rope in the file
+BESIDE = 0.5  # the same for a fixed axis: room around the rail, where nothing moves
 Ranges = dict[str, tuple[float, float]]  # [m], by their names in a rig
 
 
@@ -20,8 +21,9 @@ def axis_ranges(own: OwnModel) -> tuple[Ranges, Ranges]:
     found, length = _limited(own), float(own.rest[ROPE])
     assumed = {}
     for state, share in ASSUMED.items():
-        name, place = f"{AXES[state // 2]}_range", float(own.rest[state])
-        if name not in found:
+        axis, place = state // 2, float(own.rest[state])
+        share = share if axis in own.axes else BESIDE
+        if (name := f"{AXES[axis]}_range") not in found:
             assumed[name] = (place - share * length, place + share * length)
     return found, assumed
 
