@@ -19,7 +19,8 @@ DPI = 100.0
 REFERENCE_SIZE = (480.0, 720.0)  # [px], at scale 1
 MIN_LETTER_SCALE = 0.8  # at which letters are legible
 PADDING = 0.09  # [in]
-HEADROOM = 0.15  # of a panel's height, for the names of disturbances
+HEADROOM = 0.22  # of a panel's height, for two rows of names of disturbances
+NAME_WIDTH = 0.3  # of the time axis, that the name of a disturbance takes
 MIN_DISTANCE = 1e-14  # [m] on a logarithmic axis; smaller distances are rounding
 _STYLE: dict[Any, Any] = {
     "axes.edgecolor": Palette.LIGHT["muted"],
@@ -168,7 +169,8 @@ def _draw(axes: Axes, panel: Panel) -> None:
 def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
     line: dict[str, Any] = {"color": Palette.LIGHT["series-4"], "linewidth": 0.9}
     names, above = {"alpha": "disturbance on α", "beta": "disturbance on β"}, axes.get_xaxis_transform()
-    for disturbance in timeline.main.run.scenario.disturbances:
+    ends = [-np.inf, -np.inf]  # of the last names in both rows [s]
+    for disturbance in sorted(timeline.main.run.scenario.disturbances, key=lambda step: step.start):
         if disturbance.start > timeline.duration:  # a name outside the diagram would leave no room for it
             continue
         axes.axvline(disturbance.start, **line)
@@ -176,7 +178,11 @@ def _mark_disturbances(axes: Axes, timeline: Timeline, *, named: bool) -> None:
             axes.axvline(disturbance.end, linestyle=(0, (2, 2)), **line)
         if named:
             name, anchor = names.get(disturbance.joint or "", "force on load"), (disturbance.start, 1.0)
-            axes.annotate(name, anchor, (3.0, -9.0), above, "offset points", color=Palette.LIGHT["series-4"])
+            row = 0 if ends[0] <= disturbance.start else 1
+            if ends[row] <= disturbance.start:  # a third name at one time has no room, but its line
+                ends[row] = disturbance.start + NAME_WIDTH * timeline.duration
+                place, colour = (3.0, -9.0 - 10.0 * row), Palette.LIGHT["series-4"]
+                axes.annotate(name, anchor, place, above, "offset points", color=colour)
 
 
 def _dot(strip: Image.Image, centre: tuple[float, float], radius: float, colour: str) -> None:

@@ -88,3 +88,20 @@ def test_a_run_that_ends_before_a_disturbance_is_drawn_without_it() -> None:
     assert run.scenario.disturbances[0].start > run.time[-1]
     picture = strip(Plots(Timeline.of({"analytic": run}), *SIZE), 0.2)
     assert not has(picture, Palette.LIGHT["series-4"]).any()
+
+
+@pytest.mark.parametrize("starts", [(0.2, 0.4), (0.1, 0.6), (0.3, 0.3, 0.3)])
+def test_names_of_disturbances_do_not_overlap(starts: tuple[float, ...]) -> None:
+    """Of three at one time the last has only its line."""
+    pulses = [
+        f'{{joint="{"beta" if k % 2 else "alpha"}",start={s},magnitude=0.1}}' for k, s in enumerate(starts)
+    ]
+    run = closed_loop(
+        "fixed-position", "lqr", "analytic", "ideal", "duration=1", f"disturbances=[{','.join(pulses)}]"
+    )
+    plots = Plots(Timeline.of({"analytic": run}), *SIZE)
+    axes = plots._drawn[0][1]
+    names = [text.get_window_extent() for text in axes.texts]
+    assert len(names) == 2
+    assert not names[0].overlaps(names[1])
+    assert all(axes.bbox.y0 < name.y0 < name.y1 < axes.bbox.y1 for name in names)
