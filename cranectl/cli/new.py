@@ -15,6 +15,7 @@ from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.counts import Count
 from cranectl.cli.model_rig import model_settings, rig_lines
+from cranectl.cli.new_workflow import workflow_text
 from cranectl.cli.output import Screen
 from cranectl.report import Cell, Table
 from cranectl.support import File, InputError
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 MAP = "map"  # of measured files; NAME is such a file
 MODEL = "model"  # the rig of a model in MJCF; NAME is the model
 EXPERIMENT = "experiment"  # set-points for a crane; NAME is its rig
+WORKFLOW = "workflow"  # of GitHub, for the repository in --in
 TEMPLATES = Path(__file__).parent / "templates"
 ENDINGS = {
     "scenario": "toml",
@@ -38,7 +40,7 @@ ENDINGS = {
 
 
 @click.command("new", cls=Command)
-@click.argument("kind", type=click.Choice([*ENDINGS, MAP, MODEL, EXPERIMENT]))
+@click.argument("kind", type=click.Choice([*ENDINGS, MAP, MODEL, EXPERIMENT, WORKFLOW]))
 @click.argument("name")
 @click.option(
     "--in",
@@ -89,6 +91,11 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
     \b
     cranectl new experiment my-crane.toml
     cranectl new experiment lab-rig --seed 1 --period 0.01 --in monday
+
+    A workflow tests on GitHub what the repository in --in has: tests, scenarios and campaigns.
+
+    \b
+    cranectl new workflow test
     """
     for option, value in (("--seed", seed), ("--period", period)):
         if value is not None and kind != EXPERIMENT:
@@ -105,6 +112,10 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _write_rig(Path(name), directory)
         return
     InputError.check_name(kind, name)
+    if kind == WORKFLOW:
+        _write({directory / ".github" / "workflows" / f"{name}.yml": workflow_text(name, directory)})
+        click.echo("set CRANECTL in it to a wheel or to git+URL@TAG, or as a variable of the repository")
+        return
     module = name.replace("-", "_")
     stem = module if kind.endswith("controller") else name
     templates = {

@@ -148,9 +148,7 @@ class SignalMaps(Settings):
     """The signals of a measured crane; those that were not measured are absent."""
 
     bridge_position: SignalMap | None = Field(None, description="along x [m]; needed if the rig moves there")
-    trolley_position: SignalMap | None = Field(
-        None, description="along y [m]; needed if the rig moves there"
-    )
+    trolley_position: SignalMap | None = Field(None, description="along y [m]; needed if the rig moves there")
     rope_length: SignalMap = Field(description="from pivot to load [m]")
     alpha: SignalMap | None = Field(
         None, description="angle of the rope, positive if the load is at larger y"
