@@ -3,8 +3,9 @@
 import itertools
 import traceback
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import perf_counter
 from typing import Any, ClassVar, Literal
 
 from cranectl.cases.drive_use import beyond_drives
@@ -87,6 +88,7 @@ class CaseResult:
     agreements: tuple[Agreement, ...]  # of plants with samples, if the reference plant has samples
     expected: str  # status in which runs should end
     pairs: tuple[PairDifference, ...] = ()  # all pairs of plants, if requested
+    seconds: float = field(default=0.0, compare=False)  # that the case took
 
     @property
     def log(self) -> Path | None:
@@ -257,7 +259,7 @@ class Case:
         `progress` is called with simulated seconds. Raises InputError for wrong input, before any simulation.
         An interrupted run is logged and ends the case.
         """
-        shared = self.prepare()
+        begin, shared = perf_counter(), self.prepare()
         if self.keep != "none":
             FileKind.MCAP.check_place(self.log, option="--out")
             check_recordable(self.scenario, shared["compiled_controller"].design, self.drive)
@@ -274,6 +276,7 @@ class Case:
             ),
             expected=self.scenario.expected,
             pairs=_pair_differences(runs) if self.pairwise else (),
+            seconds=perf_counter() - begin,
         )
         if self.keep == "failed" and result.passed:
             self.log.unlink()

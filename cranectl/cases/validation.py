@@ -164,7 +164,8 @@ class Validation:
             parts = filter(None, (verdict.controller, verdict.drive, ", ".join(verdict.plants)))
             lines = [*verdict.faults, f"again: {verdict.command(options)}"]
             lines += [f"log: {verdict.log}"] if verdict.log else []
-            cases.append(JUnitCase(verdict.scenario, " / ".join(parts), verdict.kind, lines))
+            seconds = verdict.result.seconds if verdict.result else 0.0
+            cases.append(JUnitCase(verdict.scenario, " / ".join(parts), verdict.kind, lines, seconds))
         return cases
 
     def to_json(self, *, passed: bool) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from copy import copy
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
     from cranectl.report import Page
 
+BEGIN = monotonic()  # [s] when the command was loaded
 LINE_EVERY = 5.0  # [s] between lines of progress where there is no terminal
 REPEATED_AFTER = 12  # as many times, a minute, until a line that has not changed is printed again
 FILE_WIDTH = 160  # what the widest table, of the ladder, takes
@@ -95,7 +97,7 @@ class Screen(Console):
     ) -> None:
         """Write JUnit XML and print where it is."""
         with File(path).writing():
-            File(path).write_text(support.JUnitCase.document(cases, command))
+            File(path).write_text(support.JUnitCase.document(cases, command, monotonic() - BEGIN))
         self.print(f"JUnit: {path}")
 
     def _parts(self, table: ScreenTable) -> Iterator[ScreenTable]:
