@@ -5,6 +5,7 @@ only their drives and the rope act, must explain the engine's accelerations in r
 friction, an inertia of the load, a second pendulum and errors of the engine show, each with its size.
 """
 
+import copy
 import functools
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from cranectl.plants.mujoco.own_causes import find_causes
 from cranectl.plants.mujoco.own_model import WINCH, OwnModel
 from cranectl.plants.mujoco.sites import AXES, rope_acceleration
 from cranectl.signals import ROPE
@@ -42,10 +44,14 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     """Return how a model differs from the rigid crane; empty if it does not."""
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
     excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
-    other = "inertia of the load, a second pendulum, further masses or forces"
-    causes = f"{known}, or {other}" if (known := ", ".join(_causes(own.model))) else other
+    known = find_causes(own)
+    causes = ", ".join([*known, "or further masses or forces"]) if known else "further masses or forces"
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
-    rests[2] = f"it accelerates while its drives rest: does the winch hold the weight? {_holding(own)}"
+    if bias := _holding_bias(own):
+        rests[WINCH] = (
+            f"it accelerates while its drives rest: {', '.join(known)}{', or ' * bool(known)}"
+            f'does the winch hold the weight? With biastype="affine" biasprm="{bias}" it does.'
+        )
     driven = [AXES[axis] for axis in own.axes]
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in driven]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
@@ -69,19 +75,56 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
                     else "force drives of other plants have no lag",
                 )
             )
-    if own.model.actuator_ctrllimited[own.drives].any() or own.model.actuator_forcelimited[own.drives].any():
-        differences.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
-    return tuple(differences)
+    limited = own.model.actuator_ctrllimited[own.drives] | own.model.actuator_forcelimited[own.drives]
+    if limited.any():
+        names = " and ".join(name for name, has in zip(own.drive_names, limited, strict=True) if has)
+        meaning = f"ctrlrange or forcerange of {names}; drives of other plants have none"
+        differences.append(ModelDifference("limits of drives", 0.0, meaning))
+    return (*differences, *_stops(own))
 
 
-def _holding(own: OwnModel) -> str:
-    """Return in words the bias with which a velocity drive of the winch holds the weight."""
+def _holding_bias(own: OwnModel) -> str:
+    """Return the bias with which a velocity drive of the winch would hold the weight; empty if none does."""
     if own.servo != "velocity" or not own.has_winch:
         return ""
-    bias = own.model.actuator_biasprm[own.drives[-1]].copy()
+    model = copy.copy(own.free)
+    bias = model.actuator_biasprm[own.drives[-1]]
     bias[0] = -own.load_mass * own.gravity / own.ratios[-1]
-    numbers = " ".join(f"{number:g}" for number in bias[:3] + 0.0)
-    return f'With biastype="affine" biasprm="{numbers}" it does.'
+    if max(_unrest(own, state, model)[WINCH] for state in own.places()) > EXPLAINED:
+        return ""
+    return " ".join(f"{number:g}" for number in bias[:3] + 0.0)
+
+
+def _stops(own: OwnModel) -> Iterator[ModelDifference]:
+    """Yield end stops within the swing of the random states, and contacts of the hanging crane."""
+    model = own.model
+    turning = model.jnt_type <= int(mujoco.mjtJoint.mjJNT_BALL)
+    turning |= model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
+    met = set[int]()
+    for state in _random_states(own) if (turning & (model.jnt_limited > 0)).any() else ():
+        data = own.new_data()
+        own.place(data, state)
+        mujoco.mj_fwdPosition(model, data)
+        met |= {*data.efc_id[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)].tolist()}
+    for joint in sorted(met & {*np.flatnonzero(turning).tolist()}):
+        ends = ", ".join(f"{end:.3g}" for end in model.jnt_range[joint])
+        yield ModelDifference(
+            f"end stop of {model.joint(joint).name or joint}",
+            0.0,
+            f"its range [{ends}] rad ends within {ANGLES:g} rad of swing; loads of other plants swing freely",
+        )
+    data = own.new_data()
+    own.place(data, own.rest)
+    mujoco.mj_fwdPosition(model, data)
+    for pair in sorted({tuple(geoms) for geoms in data.contact.geom.tolist()}):
+        shapes = [model.geom(geom).name or f"a shape of {_body(model, geom)}" for geom in pair]
+        meaning = "they touch while the load hangs; other plants touch nothing"
+        yield ModelDifference(f"contact of {' and '.join(shapes)}", 0.0, meaning)
+
+
+def _body(model: mujoco.MjModel, geom: int) -> str:
+    body = int(model.geom_bodyid[geom])
+    return str(model.body(body).name or f"body {body}")
 
 
 def _random_states(own: OwnModel) -> Iterator[Array]:
@@ -95,19 +138,20 @@ def _random_states(own: OwnModel) -> Iterator[Array]:
         yield own.rest + spread * rng.uniform(-1.0, 1.0, 10)
 
 
-def _unrest(own: OwnModel, state: Array) -> Array:
+def _unrest(own: OwnModel, state: Array, model: mujoco.MjModel | None = None) -> Array:
     """Return the accelerations (5,) that the sites show while all drives hold [m/s²]."""
-    data, gradient = _forward(own, state)
+    data, gradient = _forward(own, state, model)
     lengths = np.array([1.0, 1.0, 1.0, state[ROPE], state[ROPE]])
     return np.asarray(np.abs(gradient @ data.qacc) * lengths)
 
 
-def _forward(own: OwnModel, state: Array) -> tuple[mujoco.MjData, Array]:
+def _forward(own: OwnModel, state: Array, model: mujoco.MjModel | None = None) -> tuple[mujoco.MjData, Array]:
     """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there."""
-    data = own.new_data(own.free)
+    model = model or own.free
+    data = own.new_data(model)
     gradient = own.place(data, state)
     own.hold(data)
-    mujoco.mj_forward(own.free, data)
+    mujoco.mj_forward(model, data)
     return data, gradient
 
 
@@ -124,24 +168,3 @@ def _excess(own: OwnModel, state: Array) -> Array:
     accelerations = np.array([*pivot_force[:2], rope_acceleration(own.sensors, data.sensordata)])[axes]
     swing = np.linalg.norm(force - direction * (direction @ force))
     return np.array([*np.abs(accelerations * masses - pulls) / own.driven_masses, swing])
-
-
-def _causes(model: mujoco.MjModel) -> Iterator[str]:
-    """Yield what a model has and the rigid crane has not, by name."""
-    dofs, kinds = model.jnt_dofadr, ("stiffness", "damping", "frictionloss")
-    joints = model.jnt_stiffness, model.dof_damping[dofs], model.dof_frictionloss[dofs]
-    tendons = model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss
-    for names, tables in ((model.joint, joints), (model.tendon, tendons)):
-        for kind, numbers in zip(kinds, tables, strict=True):
-            yield from (f"{kind} of {names(k).name or k}" for k in np.flatnonzero(numbers))
-    yield from (f"gravcomp of {model.body(k).name or k}" for k in np.flatnonzero(model.body_gravcomp))
-    for constraint, kind in enumerate(model.eq_type):
-        word = mujoco.mjtEq(int(kind)).name.removeprefix("mjEQ_").lower()
-        yield f"constraint {model.equality(constraint).name or constraint} ({word})"  # most have no name
-    yield from (f"{part} of the air" for part in ("density", "viscosity") if getattr(model.opt, part))
-    for k in np.flatnonzero(model.tendon_armature):
-        ends = model.wrap_objid[model.tendon_adr[k] + np.array([0, model.tendon_num[k] - 1])]
-        is_spatial = model.wrap_type[model.tendon_adr[k]] == int(mujoco.mjtWrap.mjWRAP_SITE)
-        if is_spatial and model.body_weldid[model.site_bodyid[ends]].all():  # both ends move
-            name, version = model.tendon(k).name, mujoco.__version__
-            yield f"armature of {name}, which MuJoCo {version} gets wrong where both ends move"

@@ -182,11 +182,20 @@ def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]
         )
     if model.actuator_dyntype[k] not in ACTIVATIONS or model.actuator_actearly[k]:
         yield f"an activation of the type {_short(mujoco.mjtDyn, model.actuator_dyntype[k])}", plain
-    if model.actuator_gaintype[k] != int(mujoco.mjtGain.mjGAIN_FIXED) or not model.actuator_gainprm[k, 0]:
-        gain = model.actuator_gainprm[k, 0]
-        yield f"a gain of {gain:g}, {_short(mujoco.mjtGain, model.actuator_gaintype[k])}", plain
+    if model.actuator_gaintype[k] != int(mujoco.mjtGain.mjGAIN_FIXED):
+        yield f"a gain of the type {_short(mujoco.mjtGain, model.actuator_gaintype[k])}", plain
+    elif not model.actuator_gainprm[k, 0]:
+        yield "a gain of 0", f"give {name} a kv, kp or gainprm other than 0"
+    if not model.actuator_gear[k].any():
+        yield "a gear of 0", f"give {name} a gear other than 0"
     if model.actuator_biastype[k] > int(mujoco.mjtBias.mjBIAS_AFFINE):
         yield f"a bias of the type {_short(mujoco.mjtBias, model.actuator_biastype[k])}", plain
+    elif (model.actuator_biasprm[k, 1:3] > 0.0).any():
+        bias = " ".join(f"{number:g}" for number in model.actuator_biasprm[k, :3])
+        yield (
+            f"the bias {bias}, which drives it away from rest",
+            f"give {name} a kp and kv of at least 0, which are the negative numbers of its biasprm",
+        )
     if model.actuator_dyntype[k] == INTEGRATOR and not model.actuator_biasprm[k, 1] < 0.0:
         yield "an integrated control without a stiffness", plain
 
