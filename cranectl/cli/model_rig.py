@@ -26,6 +26,7 @@ def model_settings(file: Path, rig: "RigParameters") -> dict[str, dict[str, Any]
     return {
         "fixed": rig.model_dump(include={"axes", "rope"}),  # empty if all axes move
         "numbers": {name: float(f"{number:g}") for name, number in own.built_in.items()},  # to be copied
+        "effects": {"effects.delay.seconds": own.delay} if own.delay else {},
         "ranges": ranges,
         "assumed": assumed,
     }

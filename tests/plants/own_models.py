@@ -114,7 +114,7 @@ def beside_bare_mujoco(
     scale: float | Array = 1.0,
     integrates: bool = False,
     command: Callable[[int], Array] = swept,
-) -> tuple[float, Array]:
+) -> tuple[Array, Array]:
     """Move a model in an open run, and bare MuJoCo by the same commands.
 
     Parameters
@@ -128,16 +128,16 @@ def beside_bare_mujoco(
 
     Returns
     -------
-    difference : float
-        The largest distance between the pivots or the loads of the two [m].
     states : Array
         What the run shows, shape (MOVED_FOR, 10).
+    points : Array
+        Pivot and load of bare MuJoCo as `points_of` has them, shape (MOVED_FOR, 5) [m].
     """
     names = scenario.rig.model_names
     crane = open_run(scenario, plant=str(file), drive=drive)
     model = mujoco.MjModel.from_xml_path(str(file))
     model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, scenario.control.physics_step
-    data, difference, states = mujoco.MjData(model), 0.0, []
+    data, states, points = mujoco.MjData(model), [], []
     if names.keyframe:
         mujoco.mj_resetDataKeyframe(model, data, model.key(names.keyframe).id)
     begin(model, data)
@@ -156,19 +156,16 @@ def beside_bare_mujoco(
                 data.ctrl[drives] += 0.5 * model.opt.timestep * control
         mujoco.mj_kinematics(model, data)
         pivot, load = _point(data, names.pivot, "xpos"), _point(data, names.load, "xipos")
-        shown = points_of(crane.state)
-        distances = [np.linalg.norm(shown[0] - pivot[:2]), np.linalg.norm(shown[1] - (load - pivot))]
-        difference = max(difference, *map(float, distances))
+        points.append(np.concatenate([pivot[:2], load - pivot]))
         states.append(crane.state)
-    return difference, np.array(states)
+    return np.array(states), np.array(points)
 
 
-def points_of(state: Array) -> tuple[Array, Array]:
-    """Return place of the pivot (..., 2) and of the load from there (..., 3) [m], for a state (..., 10)."""
-    length, alpha, beta = state[..., 4], state[..., 6], state[..., 8]
+def points_of(states: Array) -> Array:
+    """Return x and y of the pivot, and where the load is from there, shape (n, 5) [m]; states are (n, 10)."""
+    length, alpha, beta = states[:, 4], states[:, 6], states[:, 8]
     below = np.cos(beta) * np.sin(alpha), -np.cos(beta) * np.cos(alpha)
-    load = length * np.array([np.sin(beta), *below])
-    return state[..., 0:3:2], np.moveaxis(load, 0, -1)
+    return np.column_stack([states[:, 0], states[:, 2], *(length * way for way in (np.sin(beta), *below))])
 
 
 def _point(data: mujoco.MjData, name: str, of_body: str) -> Array:

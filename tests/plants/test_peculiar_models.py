@@ -4,6 +4,7 @@ The numbers in the tables are computed by hand from those in the files. Motions 
 and with our own crane on the rig that `info` prints.
 """
 
+import shlex
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -35,13 +36,14 @@ pytestmark = pytest.mark.usefixtures("in_empty_directory", "no_model_afterwards"
 
 SERVOS, EXACT = 1e-8, 1e-9  # [m] of models that our crane equals, with servos and without
 LIGHT = 1e-6  # [kg] of a part that has no mass of its own in the model
+STEP = 1e-3  # [s]
 TURNING = 10.0  # [rad/s] of the commands
 ROPE_SHARE = SPEED[2] * TURNING / 9.81  # of gravity, by which the commanded rope accelerates
 
 
 def pushed(amplitude: tuple[float, ...], weight: float, k: int) -> Array:
     """Return forces (3,) at sample `k` [N], about those that hold a `weight`."""
-    return np.array(amplitude) * np.cos(TURNING * 1e-3 * k) - [0.0, 0.0, weight]
+    return np.array(amplitude) * np.cos(TURNING * STEP * k) - [0.0, 0.0, weight]
 
 
 def gentle(k: int) -> Array:
@@ -81,12 +83,14 @@ class Peculiar(NamedTuple):
 
     rig: dict[str, float]  # printed
     start: tuple[float, float, float]  # place of the load at rest, from the height of the pivot [m]
-    given: str = ""  # settings that it needs
+    given: str = ""  # settings that `info` needs
+    effects: tuple[str, ...] = ()  # and a run
     drive: str = "velocity"
     command: Callable[[int], Array] = swept
     scale: tuple[float, ...] = (1.0, 1.0, 1.0)  # control over command
     begin: Callable[[mujoco.MjModel, mujoco.MjData], None] = at_rest
     integrates: bool = False
+    early: float = 0.0  # by which bare MuJoCo is ahead, since its last stage reads the next control [s]
     differs: str = ""
     linear: tuple[LinearDrive, ...] = ()  # those drives that no crane of ours has
 
@@ -132,6 +136,11 @@ CASES = {
         differs="filter of 0.08 s before bridge_drive", command=gentle,
         linear=(filtered(400.0, 0.08), filtered(200.0, 0.08), filtered(75.0, 0.08)),
     ),
+    # 8 / 400, 2 / 200, 1.5 / 75; the last stage of a step has a weight of 1/6
+    "delay": Peculiar(
+        rig_of(1.0, (6.0, 2.0, 0.5), (0.02, 0.01, 0.02)), (0.0, 0.0, -0.8),
+        effects=("effects.delay.seconds=0.02",), early=STEP / 6.0,
+    ),
     # the trolley of a planar crane is its bridge: 0.6 of both
     "planar": Peculiar(
         rig_of(0.25, (0.6 - LIGHT, LIGHT)), (0.2, 0.0, -0.5),
@@ -163,7 +172,7 @@ def printed_rig(name: str, capsys: pytest.CaptureFixture[str]) -> Path:
 
 def scenario_of(name: str, rig: Path) -> Scenario:
     start = f"reference.start={list(CASES[name].start)}"
-    settings = ["duration=3", "control.physics_step=0.001", UNDISTURBED, start]
+    settings = ["duration=3", f"control.physics_step={STEP}", UNDISTURBED, start, *CASES[name].effects]
     return load_scenario("fixed-position", rig=str(rig), overrides=settings)
 
 
@@ -180,17 +189,17 @@ def test_it_moves_as_bare_mujoco_and_as_our_crane_on_its_rig(
     case, file = CASES[name], MODELS / f"{name}.xml"
     scenario = scenario_of(name, printed_rig(name, capsys))
     assert {key: getattr(scenario.rig, key) for key in case.rig} == pytest.approx(case.rig, rel=1e-12)
-    distance, states = beside_bare_mujoco(
+    states, points = beside_bare_mujoco(
         file, scenario, case.drive, begin=case.begin, scale=np.array(case.scale),
         integrates=case.integrates, command=case.command,
     )  # fmt: skip
-    assert distance < EXACT
+    ahead = case.early * np.gradient(points, STEP, axis=0)
+    assert np.abs(points_of(states) - (points - ahead)).max() < (STEP**2 if case.early else EXACT)
     assert np.ptp(states[:, 0:6:2], axis=0)[list(scenario.rig.moves)].min() > 3e-3, "it hardly moved"
     assert PLANTS[PLANTS.find(str(file)).name].differs.partition(",")[0] == case.differs
     ours = course_of_ours(case, scenario)
     if not case.linear:
-        pairs = zip(points_of(states), points_of(ours), strict=True)
-        apart = max(np.linalg.norm(one - other, axis=-1).max() for one, other in pairs)
+        apart = np.abs(points_of(states) - points_of(ours)).max()
         assert apart < (EXACT if case.drive == "force" else SERVOS)
     for axis, drive in enumerate(case.linear):
         gain = scenario.rig.velocity_gains[axis]
@@ -219,6 +228,33 @@ def course_of_axis(axis: int, drive: LinearDrive, speed: float, scenario: Scenar
         swing = -(rig.gravity * angle + acceleration) / length
         return [v, acceleration, spin, swing, drive.filled * u + drive.emptied * memory]
 
-    times = 1e-3 * np.arange(1, MOVED_FOR + 1)
+    times = STEP * np.arange(1, MOVED_FOR + 1)
     solution = solve_ivp(rates, (0.0, times[-1]), np.zeros(5), t_eval=times, rtol=1e-8, atol=1e-10)
     return np.asarray(solution.y[0])
+
+
+def test_a_delay_of_the_drives_is_one_of_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+    """It acts on all plants then; a longer one has other delays on the way."""
+    file = str(MODELS / "delay.xml")
+    masses = ["trolley_mass=2", "winch_mass=0.5", "trolley_time_constant=0.01"]
+    settings = [f"rig.{setting}" for setting in masses] + ["duration=0.1", UNDISTURBED]
+    given = [word for setting in settings for word in ("--set", setting)]
+    run = [
+        "run",
+        "fixed-position",
+        *given,
+        "--drive",
+        "velocity",
+        "--plants",
+        f"{file},mujoco",
+        "--out",
+        "a.mcap",
+    ]
+    assert main(run) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert (
+        "effects.delay.seconds = 0 on the delay.xml plant, whose drives have a delay of 0.02 s" in error[-3]
+    )
+    remedy = shlex.split(error[-1].partition("add ")[2])
+    assert main([*run, *remedy]) == 0
+    assert main([*run, "--set", "effects.delay.seconds=0.024"]) == 0

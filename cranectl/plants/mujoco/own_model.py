@@ -55,7 +55,7 @@ class OwnModel(SiteModel):
         self.has_winch = bool(names.winch_drive)
         self.drives, self.sensors = own.drives, own.sensors  # indices of actuators, and in sensordata
         self.servo = own.servo  # what the drives take, such as "velocity"
-        self.filters = own.filters  # (n,) before the forces [s]
+        self.filters, self.delay = own.filters, own.delay  # (n,) before the forces, and one of all drives [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
         check_gravity(self)
         shown = check_pose(self)
@@ -268,7 +268,8 @@ def _digest(own: OwnFile) -> str:
     model = own.spec.compile()
     compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
-    return hashlib.sha256(compiled.tobytes()).hexdigest()[: Provenance.DIGITS]
+    delay = f"{own.delay!r}".encode() if own.delay else b""  # it is no longer in the model
+    return hashlib.sha256(compiled.tobytes() + delay).hexdigest()[: Provenance.DIGITS]
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:
