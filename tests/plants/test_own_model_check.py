@@ -18,6 +18,11 @@ SLING = (
     '<body name="sling" pos="0 0 -0.3"><joint type="ball"/>'
     '<geom size="0.02" mass="0.1" pos="0 0 -0.1"/></body>'
 )
+LOAD = '<body name="load" pos="0 0 -0.8">'
+CHAIN = (
+    '<body name="chain"><joint type="hinge" axis="1 0 0"/><joint type="hinge" axis="0 1 0"/>'
+    f'<inertial pos="0 0 -0.4" mass="0.2" diaginertia="0.01 0.01 1e-9"/></body>{LOAD}'
+)
 FLOOR = '<geom name="floor" type="plane" size="5 5 1" pos="0 0 1.06"/><body name="trolley" pos="0 0 2">'
 BRAKE = '<actuator><velocity name="brake" joint="x" kv="50"/>'
 WELD = '<equality><weld body1="load"/></equality><actuator>'
@@ -66,7 +71,7 @@ MUTANTS = {
             '<site name="load"/>',
             '<site name="load" pos="1e-3 0 0"/>',
             "swing",
-            0.0028,
+            0.0047,
             "centre of mass of load 1 mm from",
         ),
         (
@@ -108,6 +113,7 @@ MUTANTS = {
             "joint beta, which turns 100 mm beside the pivot",
         ),
         ('name="beta"', 'name="beta" armature="0.1"', "swing", 0.6, "armature of beta"),
+        (LOAD, CHAIN, "bridge", 0.05, "mass of chain"),
         ("<actuator>", WELD, "rope at rest", 400.0, "constraint 0 (weld)"),
         (
             'body name="load"',
@@ -126,9 +132,9 @@ MUTANTS = {
         ),
     ],
     "double-pendulum": [
-        ('mass="1e-9"', 'mass="0.2"', "swing", 0.1, "mass of rope, mass of hook"),
-        ('name="swing"', 'name="swing" stiffness="0.3"', "swing", 0.19, "stiffness of swing"),
-        ('mass="0.02"', 'mass="0.4"', "swing", 0.18, "mass of hook, joint sling, which turns 650 mm beside"),
+        ('mass="1e-9"', 'mass="0.2"', "swing", 0.57, "mass of rope, mass of hook"),
+        ('name="swing"', 'name="swing" stiffness="0.3"', "swing", 0.64, "stiffness of swing"),
+        ('mass="0.02"', 'mass="0.4"', "swing", 2.1, "mass of hook, joint sling, which turns 650 mm beside"),
     ],
     "hall": [
         ('name="sway_along"', 'name="sway_along" damping="90"', "swing", 0.0025, "damping of sway_along"),

@@ -43,7 +43,8 @@ class ModelDifference(NamedTuple):
 def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     """Return how a model differs from the rigid crane; empty if it does not."""
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
-    excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
+    unseen = ANGLES * np.random.default_rng(1).uniform(-1.0, 1.0, (TRIED_STATES, 2, own.model.nv))
+    excess = np.max([_excess(own, *pair) for pair in zip(_random_states(own), unseen, strict=True)], axis=0)
     known = find_causes(own)
     causes = ", ".join([*known, "or further masses or forces"]) if known else "further masses or forces"
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
@@ -145,19 +146,33 @@ def _unrest(own: OwnModel, state: Array, model: mujoco.MjModel | None = None) ->
     return np.asarray(np.abs(gradient @ data.qacc) * lengths)
 
 
-def _forward(own: OwnModel, state: Array, model: mujoco.MjModel | None = None) -> tuple[mujoco.MjData, Array]:
-    """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there."""
+def _forward(
+    own: OwnModel, state: Array, model: mujoco.MjModel | None = None, *, unseen: Array | None = None
+) -> tuple[mujoco.MjData, Array]:
+    """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there.
+
+    What the two sites do not show moves by `unseen` (2, nv), such as a pendulum beside the load.
+    """
     model = model or own.free
     data = own.new_data(model)
     gradient = own.place(data, state)
+    if unseen is not None:
+        mujoco.mj_integratePos(model, data.qpos, _unshown(gradient) @ unseen[0], 1.0)
+        gradient = own.place(data, state)
+        data.qvel[:] += _unshown(gradient) @ unseen[1]
     own.hold(data)
     mujoco.mj_forward(model, data)
     return data, gradient
 
 
-def _excess(own: OwnModel, state: Array) -> Array:
+def _unshown(gradient: Array) -> Array:
+    """Return the projector (nv, nv) on motions that the sites do not show."""
+    return np.asarray(np.eye(gradient.shape[1]) - np.linalg.pinv(gradient) @ gradient)
+
+
+def _excess(own: OwnModel, state: Array, unseen: Array) -> Array:
     """Return the accelerations (n + 1,) of driven axes and swing that nothing explains [m/s²]."""
-    data, _ = _forward(own, state)
+    data, _ = _forward(own, state, unseen=unseen)
     # The engine adds gravity to accelerations: they are forces over mass.
     load, pivot, pivot_force, force = (data.sensordata[own.sensors[k : k + 3]] for k in (0, 7, 13, 16))
     direction = (load - pivot) / np.linalg.norm(load - pivot)

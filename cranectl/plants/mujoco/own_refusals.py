@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 KEYS = ("bridge_drive", "trolley_drive", "winch_drive")  # of the names in a rig
 MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
-MAX_TILT = 1e-6  # of a rail against x or y
+MAX_SLOPE = 1e-6  # of a rail against x or y
 MAX_ROPE = 500.0  # [m] in the pose of the file; longer ones are in mm
 SI_UNITS = "write the model in SI units: m, kg, s and N"
 
@@ -127,7 +127,7 @@ def _misguided(own: "OwnModel", data: mujoco.MjData) -> Iterator[tuple[str, str]
             along, name = data.xaxis[joint] + 0.0, str(model.joint(joint).name or joint)
             if model.jnt_type[joint] != int(mujoco.mjtJoint.mjJNT_SLIDE):
                 yield name, "turns the pivot"
-            elif np.sort(np.abs(along))[1] > MAX_TILT or abs(along[2]) > MAX_TILT:
+            elif np.sort(np.abs(along))[1] > MAX_SLOPE or abs(along[2]) > MAX_SLOPE:
                 yield name, f"slides the pivot along [{', '.join(f'{part:.3g}' for part in along)}]"
         body = int(model.body_parentid[body])
 
