@@ -82,12 +82,13 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     own = plants.open_model(file, names)
     differences = plants.find_differences(own)
     sizes = plants.cause_sizes(own) if differences else []
+    late, ratios = f" {own.delay:g} s late" * bool(own.delay), ", ".join(f"{r:g}" for r in own.ratios)
     facts = [
         ("model", file),
         *((key.replace("_", " "), name) for key, name in names if name),
         (
             "drives",
-            f"take {own.servo}; an axis moves them {', '.join(f'{r:g}' for r in own.ratios)} times as fast",
+            f"take {own.servo}{late}; an axis moves them {ratios} times as fast",
         ),
         *((difference.text, difference.meaning) for difference in differences),
         *((Quantity(size, "m").difference(), cause) for cause, size in sizes),

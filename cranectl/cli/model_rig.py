@@ -27,6 +27,7 @@ def model_settings(file: Path, rig: "RigParameters") -> dict[str, dict[str, Any]
         "fixed": rig.model_dump(include={"axes", "rope"}),  # empty if all axes move
         # To be copied. Only a trolley's motor may have no mass, and then needs no line.
         "numbers": {name: float(f"{number:g}") for name, number in own.built_in.items() if number},
+        "effects": {"effects.delay.seconds": own.delay} if own.delay else {},
         "ranges": ranges,
         "assumed": assumed,
     }

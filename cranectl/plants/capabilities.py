@@ -33,6 +33,7 @@ class Capabilities:
     shows: Sequence[str] | None
     lacks: Mapping[str, str]
     fixed: Mapping[str, float]
+    delay: float
     arguments: Mapping[str, Any]
 
     def load(self) -> Callable[..., Plant]:
@@ -67,7 +68,7 @@ class Capabilities:
         """Raise InputError if the plant cannot show a scenario with `drive`.
 
         It refuses what `check_effects` refuses, disturbances that the plant lacks, and numbers of the rig
-        that differ from those built into the plant.
+        that differ from those built into the plant. The delay of its drives must be part of the scenario's.
         """
         self.check_effects(scenario.effects, drive)
         joints = any(step.joint is not None for step in scenario.disturbances)
@@ -91,6 +92,15 @@ class Capabilities:
                 f"on the {self.label} plant, which has {', '.join(built_in.values())} built in",
                 allowed=", ".join(f"rig.{name} = {value}" for name, value in built_in.items()),
                 remedy=f"add {settings}, or choose other plants with --plants",
+            )
+
+        given = scenario.effects.delay.seconds if scenario.effects.delay else 0.0
+        if given < self.delay:
+            raise InputError(
+                f"effects.delay.seconds = {given:g} on the {self.label} plant, whose drives have a delay of "
+                f"{self.delay:g} s",
+                allowed=f"{self.delay:g} s or more, for all plants",
+                remedy=f"add --set effects.delay.seconds={self.delay:g}",
             )
 
     def check_effects(self, effects: EffectSettings, drive: Drive) -> None:

@@ -46,6 +46,8 @@ class PlantEntry(Capabilities):
         Settings that it does not honour, out of LACKS, each with a reason such as "which has none".
     fixed : Mapping of str to float
         Numbers of the rig that cannot be changed, out of BUILT_IN, with their values.
+    delay : float
+        Time [s] after which its drives follow a command; `effects.delay` of a scenario must include it.
     by_default : bool
         Whether commands run it where no plants are named.
     package : str
@@ -68,6 +70,7 @@ class PlantEntry(Capabilities):
     shows: Sequence[str] | None = None
     lacks: Mapping[str, str] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
+    delay: float = 0.0
     by_default: bool = True
     package: str = ""
     arguments: Mapping[str, Any] = field(default_factory=dict)

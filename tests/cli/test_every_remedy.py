@@ -29,7 +29,7 @@ LISTED: list[Remedy] = [
 # Options of other programs and of pytest, and names in style sheets.
 OTHER_OPTIONS = {
     "--nworkers", "--nthreads", "--include-metadata", "--include-attachments", "--cranectl-update",
-    "--cranectl-logs", "--traceback", "--text", "--wide", "--block", "--forbidden",
+    "--cranectl-logs", "--traceback", "--text", "--wide", "--block", "--forbidden", "--junitxml",
 }  # fmt: skip
 SOURCE = """
 OUTSIDE = "go outside"

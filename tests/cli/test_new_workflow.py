@@ -1,5 +1,6 @@
 """`cranectl new workflow` tests what a repository has, and its commands run."""
 
+import shlex
 import shutil
 import subprocess
 import sys
@@ -69,8 +70,12 @@ def test_it_has_a_step_for_what_is_there_and_no_other(capsys: pytest.CaptureFixt
 @pytest.mark.parametrize("folder", ["here", "no-such-folder"])
 def test_where_nothing_can_be_tested_nothing_is_written(folder: str, refusal: Command) -> None:
     Path("here").mkdir()
-    assert "no test, scenario or campaign" in refusal("new", "workflow", "test", "--in", folder)
+    error = refusal("new", "workflow", "test", "--in", folder)
+    assert "no test, scenario or campaign" in error
     assert [path.name for path in Path().rglob("*")] == ["here"]
+    typed = shlex.split(error.splitlines()[-1].partition("begin with one: cranectl ")[2])
+    assert main(typed) == 0
+    assert main(["new", "workflow", "test"]) == 0
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -19,17 +18,26 @@ from cranectl.plants.mujoco.own_model import open_model
 from cranectl.plants.mujoco.own_plant import OwnPlant
 from cranectl.plants.mujoco.own_ranges import axis_ranges
 from cranectl.plants.registry import PLANTS
+from cranectl.scenario import Scenario
 from cranectl.scenario.effects import NO_EFFECTS
 from cranectl.scenario.load import RigFile
 from cranectl.scenario.rig import ModelNames, RigParameters
 from cranectl.simulate import Run, simulate_run
 from tests.conftest import STILL
-from tests.plants.own_models import MODELS, UNDISTURBED, changed, crane_with
+from tests.plants.own_models import (
+    MODELS,
+    UNDISTURBED,
+    at_rest,
+    beside_bare_mujoco,
+    changed,
+    crane_with,
+    points_of,
+)
 
 pytestmark = pytest.mark.usefixtures("in_empty_directory", "no_model_afterwards")
 
 JOINTS = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
-MOVED = ["duration=3", "control.physics_step=0.001", UNDISTURBED, "initial.load_offset=[0.02, -0.01, 0.0]"]
+MOVED = ["duration=3", "control.physics_step=0.001", UNDISTURBED]
 # Drives in place of those of the shipped model, by what public models do with them.
 FILTERED = (
     '<general name="{name}" joint="{joint}" dyntype="filterexact" dynprm="0.05" gainprm="{gain}" '
@@ -62,39 +70,15 @@ def with_drives(folder: Path, text: str) -> Path:
 
 def run_of(file: Path) -> Run:
     """Return a run of three seconds of a model, on the rig that `info` prints for it."""
-    name, own = PLANTS.find(str(file)).name, open_model(file, ModelNames())
-    numbers = [f"rig.{key}={value!r}" for key, value in own.built_in.items()]
-    scenario = load_scenario("fixed-position", overrides=[*MOVED, *numbers])
+    name = PLANTS.find(str(file)).name
+    scenario = scenario_of(file, "initial.load_offset=[0.02, -0.01, 0.0]")
     return simulate_run(scenario, plant=name, drive="velocity", controller="lqr")
 
 
-def beside_bare_mujoco(
-    file: Path, begin: Callable[[mujoco.MjModel, mujoco.MjData], None], scale: float
-) -> float:
-    """Return the largest difference [m, rad] of an open run from bare MuJoCo under the same commands."""
-    own = open_model(file, ModelNames())
-    overrides = [*MOVED, *(f"rig.{key}={value!r}" for key, value in own.built_in.items())]
-    scenario = load_scenario("fixed-position", overrides=overrides)
-    crane = open_run(scenario, plant=str(file), drive="velocity")
-    spec = mujoco.MjSpec.from_file(str(file))
-    spec.option.integrator, spec.option.timestep = mujoco.mjtIntegrator.mjINT_RK4, 1e-3
-    model = spec.compile()
-    data, difference = mujoco.MjData(model), 0.0
-    data.qpos[[model.joint(name).qposadr[0] for name in JOINTS]] = crane.state[0::2]
-    begin(model, data)
-    for k in range(1000):
-        command = np.array([0.3, -0.2, 0.1]) * np.sin(0.01 * k)
-        crane.step(command)
-        data.ctrl[:] = scale * command
-        mujoco.mj_step(model, data, round(scenario.control.period / 1e-3))
-        shown = [data.joint(name).qpos[0] for name in JOINTS]
-        difference = max(difference, float(np.abs(np.array(shown) - crane.state[0::2]).max()))
-    assert np.abs(data.qpos[:3] - [1.0, 0.77, 0.7]).min() > 0.01, "it hardly moved"
-    return difference
-
-
-def at_rest(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Begin with filters and controls at zero: velocity drives that hold the weight by their bias."""
+def scenario_of(file: Path, *settings: str) -> Scenario:
+    """Return a scenario of three seconds on the rig that `info` prints for a model."""
+    numbers = [f"rig.{key}={value!r}" for key, value in open_model(file, ModelNames()).built_in.items()]
+    return load_scenario("fixed-position", overrides=[*MOVED, *numbers, *settings])
 
 
 def at_set_points(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -115,7 +99,10 @@ def test_a_run_is_that_of_bare_mujoco(case: str, tmp_path: Path) -> None:
     """Also its lag is told: of a filter and a servo behind it, the sum."""
     drives, begin, scale, difference, lag = CASES[case]
     file = with_drives(tmp_path, drives)
-    assert beside_bare_mujoco(file, begin, scale) < 1e-9
+    scenario = scenario_of(file, "reference.start=[0.0, 0.0, -0.7]")
+    states, points = beside_bare_mujoco(file, scenario, "velocity", begin=begin, scale=scale)
+    assert np.abs(points_of(states) - points).max() < 1e-9
+    assert np.ptp(states[:, 0:6:2], axis=0).min() > 0.01, "it hardly moved"
     run = run_of(file)
     assert run.scenario.rig.bridge_time_constant == pytest.approx(lag, rel=1e-9)
     differs = PLANTS[run.plant].differs

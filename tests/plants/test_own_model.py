@@ -82,7 +82,7 @@ def test_foreign_cranes_run(name: str, controller: str, tmp_path: Path) -> None:
     assert 0.0 < verdict.max_load_error_m < {"tendon": 2e-7, "double-pendulum": 1e-3, "hall": 1e-7}[name]
     if name == "double-pendulum":
         assert verdict.passed is None
-        assert "is another crane: bridge 0.0019 m/s²" in verdict.limits
+        assert "is another crane: bridge 0.021 m/s²" in verdict.limits
         assert verdict.max_load_error_m > 1e-6
     else:
         assert verdict.passed
@@ -93,7 +93,8 @@ def test_a_slewing_crane_is_refused_with_the_reason() -> None:
     name = PLANTS.find(str(MODELS / "slewing.xml")).name
     with pytest.raises(InputError, match="trolley_drive does not move the trolley alone and evenly") as error:
         simulate_run(load_scenario("fixed-position"), plant=name, drive="velocity")
-    assert "no crane may slew or luff" in error.value.remedy
+    assert "joint 'slew' turns the pivot" in error.value.found
+    assert error.value.remedy == "change joint 'slew' in the file: the pivot may only slide along x and y"
 
 
 def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
@@ -108,50 +109,6 @@ def test_position_servos_follow_the_commanded_velocity(tmp_path: Path) -> None:
     assert np.abs(run.block("error")[:100, 2]).max() < 1e-3, "it would sag by 11 mm"
     assert np.abs(run.block("error")[-1, [0, 3, 9]]).max() < 3e-2
     assert PLANTS[name].differs.endswith("position servos")
-
-
-DRIVEN, BRIDGE = 'name="bridge_drive"', 'joint="bridge_position" kv="425"'
-LOAD = '<site name="load" pos="0 0 0"/>'
-SLIDE = 'joint name="trolley_position" type="slide" axis="0 1 0'
-OFF = ('gravity="0 0 -9.81"', 'gravity="0 0 -9.81" actuatorgroupdisable="3"')
-MUSCLE = f'muscle {DRIVEN} joint="bridge_position" lengthrange="0 1"'
-REFUSED = [
-    ([('"pivot"', '"hanger"')], "no site named 'pivot'"),
-    ([('name="winch_drive"', 'name="hoist"')], "no actuator named 'winch_drive'"),
-    ([('gravity="0 0 -9.81"', 'gravity="0 0.1 -9.81"')], "gravity [0.0, 0.1, -9.81]"),
-    ([('gravity="0 0 -9.81"', 'gravity="0 0 0"')], "gravity [0.0, 0.0, 0.0]"),
-    ([(BRIDGE, BRIDGE.replace("bridge", "trolley"))], "bridge_drive does not move the bridge"),
-    ([(f"velocity {DRIVEN} {BRIDGE}", f'motor {DRIVEN} joint="bridge_position"')], "is of the kind force"),
-    ([(BRIDGE, f'{BRIDGE} delay="0.02" nsample="20"')], "bridge_drive has a delay of 0.02 s"),
-    ([(BRIDGE, f'{BRIDGE} group="3"'), OFF], "actuatorgroupdisable switches its group 3 off"),
-    (
-        [(BRIDGE, f'{BRIDGE} forcerange="5 6"')],
-        "control of bridge_drive has 0 of the effect",
-    ),
-    ([(f"velocity {DRIVEN} {BRIDGE}", MUSCLE)], "bridge_drive has an activation of the type muscle"),
-    (
-        [('body name="load"', 'body name="load" gravcomp="1"')],
-        "does not fall where its winch is free: gravcomp",
-    ),
-    ([('gravity="0 0 -9.81"', 'gravity="0 0 -9810"')], "gravity = 9810"),
-    ([("</mujoco>", "")], "no element found"),
-    ([('type="slide" axis="1 0 0"', 'type="slider" axis="1 0 0"')], "slider"),
-    ([(LOAD, LOAD.replace("0 0 0", "0 0 0.7"))], "a rope of 0 m"),
-    ([(f'{SLIDE}"', f'{SLIDE}.1"')], "the pivot rises"),
-    ([(LOAD, LOAD.replace("0 0 0", "0.02 0 0"))], "'load' hangs about 0.02 m beside the pivot"),
-    ([('joint name="beta"', 'joint name="beta" stiffness="1" springref="0.1"')], "beside the pivot"),
-]
-
-
-@pytest.mark.parametrize(("changes", "reason"), REFUSED, ids=[reason for _, reason in REFUSED])
-def test_a_model_that_is_no_such_crane_is_refused(
-    changes: list[tuple[str, str]], reason: str, tmp_path: Path
-) -> None:
-    with pytest.raises(InputError) as error:
-        open_model(crane_with(tmp_path, *changes), ModelNames())
-    assert reason in str(error.value)
-    assert error.value.allowed
-    assert error.value.remedy
 
 
 def test_a_load_below_the_hook_of_a_tendon_is_refused_with_the_name_of_the_hook(
@@ -234,7 +191,7 @@ def test_commands_work_on_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     given = [*SHORT, "--set", "initial.load_offset=[0.02,0.0,0.0]", "--plants", "double.xml,mujoco"]
     assert main(["run", "fixed-position", *given, "--out", "two.mcap"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "the double.xml plant is another crane: bridge 0.0019 m/s²" in shown
+    assert "the double.xml plant is another crane: bridge 0.021 m/s²" in shown
     validate = ["validate", "fixed-position", *given, "--jobs", "2", "--pairwise", "--json", "pairs.json"]
     assert main([*validate, "--controller", "lqr,pid"]) == 0
     assert "2 of 2 pairs not judged" in capsys.readouterr().out
@@ -276,7 +233,7 @@ def test_live_sessions_run_it_here_and_in_a_child_process() -> None:
 def test_info_shows_the_crane_and_its_differences(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     model = str(MODELS / "double-pendulum.xml")
     assert main(["info", model]) == 1
-    assert "swing 0.075 m/s²" in capsys.readouterr().out
+    assert "swing 0.57 m/s²" in capsys.readouterr().out
     assert main(["info", model, "--as-is"]) == 0
     assert main(["info", str(MODELS / "hall.xml")]) == 2
     remedy = capsys.readouterr().err.splitlines()[-1].partition("add ")[2]

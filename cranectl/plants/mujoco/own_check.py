@@ -5,6 +5,7 @@ only their drives and the rope act, must explain the engine's accelerations in r
 friction, an inertia of the load, a second pendulum and errors of the engine show, each with its size.
 """
 
+import copy
 import functools
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -42,15 +43,16 @@ class ModelDifference(NamedTuple):
 def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     """Return how a model differs from the rigid crane; empty if it does not."""
     unrest = np.max([_unrest(own, state) for state in own.places()], axis=0)
-    excess = np.max([_excess(own, state) for state in _random_states(own)], axis=0)
-    other = "inertia of the load, a second pendulum, further masses or forces"
-    causes = (
-        f"{known}, or {other}"
-        if (known := ", ".join(cause.text for cause in causes_of(own.model)))
-        else other
-    )
+    unseen = ANGLES * np.random.default_rng(1).uniform(-1.0, 1.0, (TRIED_STATES, 2, own.model.nv))
+    excess = np.max([_excess(own, *pair) for pair in zip(_random_states(own), unseen, strict=True)], axis=0)
+    known = [cause.text for cause in causes_of(own)]
+    causes = ", ".join([*known, "or further masses or forces"]) if known else "further masses or forces"
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
-    rests[2] = f"it accelerates while its drives rest: does the winch hold the weight? {_holding(own)}"
+    if bias := _holding_bias(own):
+        rests[WINCH] = (
+            f"it accelerates while its drives rest: {', '.join(known)}{', or ' * bool(known)}"
+            f'does the winch hold the weight? With biastype="affine" biasprm="{bias}" it does.'
+        )
     driven = [AXES[axis] for axis in own.axes]
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in driven]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
@@ -74,19 +76,56 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
                     else "force drives of other plants have no lag",
                 )
             )
-    if own.model.actuator_ctrllimited[own.drives].any() or own.model.actuator_forcelimited[own.drives].any():
-        differences.append(ModelDifference("limits of drives", 0.0, "drives of other plants have none"))
-    return tuple(differences)
+    limited = own.model.actuator_ctrllimited[own.drives] | own.model.actuator_forcelimited[own.drives]
+    if limited.any():
+        names = " and ".join(name for name, has in zip(own.drive_names, limited, strict=True) if has)
+        meaning = f"ctrlrange or forcerange of {names}; drives of other plants have none"
+        differences.append(ModelDifference("limits of drives", 0.0, meaning))
+    return (*differences, *_stops(own))
 
 
-def _holding(own: OwnModel) -> str:
-    """Return in words the bias with which a velocity drive of the winch holds the weight."""
+def _holding_bias(own: OwnModel) -> str:
+    """Return the bias with which a velocity drive of the winch would hold the weight; empty if none does."""
     if own.servo != "velocity" or not own.has_winch:
         return ""
-    bias = own.model.actuator_biasprm[own.drives[-1]].copy()
+    model = copy.copy(own.free)
+    bias = model.actuator_biasprm[own.drives[-1]]
     bias[0] = -own.load_mass * own.gravity / own.ratios[-1]
-    numbers = " ".join(f"{number:g}" for number in bias[:3] + 0.0)
-    return f'With biastype="affine" biasprm="{numbers}" it does.'
+    if max(_unrest(own, state, model)[WINCH] for state in own.places()) > EXPLAINED:
+        return ""
+    return " ".join(f"{number:g}" for number in bias[:3] + 0.0)
+
+
+def _stops(own: OwnModel) -> Iterator[ModelDifference]:
+    """Yield end stops within the swing of the random states, and contacts of the hanging crane."""
+    model = own.model
+    turning = model.jnt_type <= int(mujoco.mjtJoint.mjJNT_BALL)
+    turning |= model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
+    met = set[int]()
+    for state in _random_states(own) if (turning & (model.jnt_limited > 0)).any() else ():
+        data = own.new_data()
+        own.place(data, state)
+        mujoco.mj_fwdPosition(model, data)
+        met |= {*data.efc_id[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)].tolist()}
+    for joint in sorted(met & {*np.flatnonzero(turning).tolist()}):
+        ends = ", ".join(f"{end:.3g}" for end in model.jnt_range[joint])
+        yield ModelDifference(
+            f"end stop of {model.joint(joint).name or joint}",
+            0.0,
+            f"its range [{ends}] rad ends within {ANGLES:g} rad of swing; loads of other plants swing freely",
+        )
+    data = own.new_data()
+    own.place(data, own.rest)
+    mujoco.mj_fwdPosition(model, data)
+    for pair in sorted({tuple(geoms) for geoms in data.contact.geom.tolist()}):
+        shapes = [model.geom(geom).name or f"a shape of {_body(model, geom)}" for geom in pair]
+        meaning = "they touch while the load hangs; other plants touch nothing"
+        yield ModelDifference(f"contact of {' and '.join(shapes)}", 0.0, meaning)
+
+
+def _body(model: mujoco.MjModel, geom: int) -> str:
+    body = int(model.geom_bodyid[geom])
+    return str(model.body(body).name or f"body {body}")
 
 
 def _random_states(own: OwnModel) -> Iterator[Array]:
@@ -100,25 +139,40 @@ def _random_states(own: OwnModel) -> Iterator[Array]:
         yield own.rest + spread * rng.uniform(-1.0, 1.0, 10)
 
 
-def _unrest(own: OwnModel, state: Array) -> Array:
+def _unrest(own: OwnModel, state: Array, model: mujoco.MjModel | None = None) -> Array:
     """Return the accelerations (5,) that the sites show while all drives hold [m/s²]."""
-    data, gradient = _forward(own, state)
+    data, gradient = _forward(own, state, model)
     lengths = np.array([1.0, 1.0, 1.0, state[ROPE], state[ROPE]])
     return np.asarray(np.abs(gradient @ data.qacc) * lengths)
 
 
-def _forward(own: OwnModel, state: Array) -> tuple[mujoco.MjData, Array]:
-    """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there."""
-    data = own.new_data(own.free)
+def _forward(
+    own: OwnModel, state: Array, model: mujoco.MjModel | None = None, *, unseen: Array | None = None
+) -> tuple[mujoco.MjData, Array]:
+    """Return the engine's data in a state whose drives hold, and the gradient (5, nv) there.
+
+    What the two sites do not show moves by `unseen` (2, nv), such as a pendulum beside the load.
+    """
+    model = model or own.free
+    data = own.new_data(model)
     gradient = own.place(data, state)
+    if unseen is not None:
+        mujoco.mj_integratePos(model, data.qpos, _unshown(gradient) @ unseen[0], 1.0)
+        gradient = own.place(data, state)
+        data.qvel[:] += _unshown(gradient) @ unseen[1]
     own.hold(data)
-    mujoco.mj_forward(own.free, data)
+    mujoco.mj_forward(model, data)
     return data, gradient
 
 
-def _excess(own: OwnModel, state: Array) -> Array:
+def _unshown(gradient: Array) -> Array:
+    """Return the projector (nv, nv) on motions that the sites do not show."""
+    return np.asarray(np.eye(gradient.shape[1]) - np.linalg.pinv(gradient) @ gradient)
+
+
+def _excess(own: OwnModel, state: Array, unseen: Array) -> Array:
     """Return the accelerations (n + 1,) of driven axes and swing that nothing explains [m/s²]."""
-    data, _ = _forward(own, state)
+    data, _ = _forward(own, state, unseen=unseen)
     # The engine adds gravity to accelerations: they are forces over mass.
     load, pivot, pivot_force, force = (data.sensordata[own.sensors[k : k + 3]] for k in (0, 7, 13, 16))
     direction = (load - pivot) / np.linalg.norm(load - pivot)

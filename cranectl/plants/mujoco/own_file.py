@@ -5,6 +5,7 @@ Nothing of the model is changed but the integrator, which is RK4 as for the ship
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import ceil
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,6 +23,7 @@ INTEGRATOR, FILTER, FILTEREXACT = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("INTEGRATOR", "FILTER", "FILTEREXACT")
 )
 ACTIVATIONS = (int(mujoco.mjtDyn.mjDYN_NONE), INTEGRATOR, FILTER, FILTEREXACT)
+MAX_ROUNDING = 1e-9
 GROUPS = 31  # of actuators that can be switched off
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
@@ -52,6 +54,9 @@ def _told(file: Path) -> Iterator[None]:
 class OwnFile:
     """A model file of a user as it is run: with RK4 and SENSORS, and `names` of what makes it a crane.
 
+    The `delay` of its drives [s] is taken out of the model, since it is an effect on all plants. The engine's
+    own would depend on the step, and would not act in steps in stages.
+
     Raises InputError if it reads files elsewhere, is too large, lacks a name or cannot be compiled.
     """
 
@@ -61,6 +66,7 @@ class OwnFile:
             check_files(file)
             self.spec = mujoco.MjSpec.from_file(str(file))
             complete_names(file, self.spec, names)
+            self.delay = self._take_delay()
             self._add_sensors()
             self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
             # As in the shipped model: the engine must not go on from its initial state after a warning.
@@ -90,6 +96,28 @@ class OwnFile:
         with _told(file):
             check_files(file)
             return guess_rig(file, mujoco.MjSpec.from_file(str(file)))
+
+    def _take_delay(self) -> float:
+        """Remove the delay of the drives and return it [s]; raise InputError if it is not one for all."""
+        drives = [actuator for actuator in self.spec.actuators if actuator.name in {*self.names.drives}]
+        delays = {actuator.name: float(actuator.delay) for actuator in drives}
+        if len({*delays.values()}) > 1:
+            raise InputError(
+                f"{self.file}: {', '.join(f'{name} has a delay of {of:g} s' for name, of in delays.items())}",
+                allowed="one delay for all drives",
+                remedy="give all drives the same delay",
+            )
+        delay = max(delays.values(), default=0.0)
+        for actuator in drives:
+            kept = actuator.nsample * self.spec.option.timestep
+            if kept < delay * (1.0 - MAX_ROUNDING):
+                raise InputError(
+                    f"{self.file}: {actuator.name} is {delay:g} s late and keeps {kept:g} s of controls",
+                    allowed="as many samples, a timestep apart, as the delay has",
+                    remedy=f'write nsample="{ceil(delay / self.spec.option.timestep)}" for {actuator.name}',
+                )
+            actuator.delay, actuator.nsample = 0.0, 0
+        return delay
 
     def _add_sensors(self) -> None:
         for k, (kind, of) in enumerate(SENSORS):
@@ -175,18 +203,22 @@ def _peculiarities(model: mujoco.MjModel, name: str) -> Iterator[tuple[str, str]
             f"no force, since actuatorgroupdisable switches its group {group} off",
             f"take {group} out of actuatorgroupdisable",
         )
-    if delay := float(model.actuator_delay[k]):
-        yield (
-            f"a delay of {delay:g} s",
-            f"remove delay from {name}, and add --set effects.delay.seconds={delay:g}, for all plants",
-        )
     if model.actuator_dyntype[k] not in ACTIVATIONS or model.actuator_actearly[k]:
         yield f"an activation of the type {_short(mujoco.mjtDyn, model.actuator_dyntype[k])}", plain
-    if model.actuator_gaintype[k] != int(mujoco.mjtGain.mjGAIN_FIXED) or not model.actuator_gainprm[k, 0]:
-        gain = model.actuator_gainprm[k, 0]
-        yield f"a gain of {gain:g}, {_short(mujoco.mjtGain, model.actuator_gaintype[k])}", plain
+    if model.actuator_gaintype[k] != int(mujoco.mjtGain.mjGAIN_FIXED):
+        yield f"a gain of the type {_short(mujoco.mjtGain, model.actuator_gaintype[k])}", plain
+    elif not model.actuator_gainprm[k, 0]:
+        yield "a gain of 0", f"give {name} a kv, kp or gainprm other than 0"
+    if not model.actuator_gear[k].any():
+        yield "a gear of 0", f"give {name} a gear other than 0"
     if model.actuator_biastype[k] > int(mujoco.mjtBias.mjBIAS_AFFINE):
         yield f"a bias of the type {_short(mujoco.mjtBias, model.actuator_biastype[k])}", plain
+    elif (model.actuator_biasprm[k, 1:3] > 0.0).any():
+        bias = " ".join(f"{number:g}" for number in model.actuator_biasprm[k, :3])
+        yield (
+            f"the bias {bias}, which drives it away from rest",
+            f"give {name} a kp and kv of at least 0, which are the negative numbers of its biasprm",
+        )
     if model.actuator_dyntype[k] == INTEGRATOR and not model.actuator_biasprm[k, 1] < 0.0:
         yield "an integrated control without a stiffness", plain
 

@@ -3,7 +3,6 @@
 import copy
 import functools
 import hashlib
-import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,23 +10,31 @@ import mujoco
 import numpy as np
 
 from cranectl.plants.mujoco.own_file import OwnFile
+from cranectl.plants.mujoco.own_refusals import (
+    MAX_COUPLING,
+    SI_UNITS,
+    check_gravity,
+    check_pose,
+    check_swing,
+    drive_error,
+    rise_error,
+)
 from cranectl.plants.mujoco.own_size import content_digest
-from cranectl.plants.mujoco.sites import AXES, SiteModel
+from cranectl.plants.mujoco.sites import SiteModel
 from cranectl.scenario import ModelNames, RigParameters
 from cranectl.signals import ALPHA, BETA, ROPE
 from cranectl.support import Array, InputError, Provenance
 
 BRIDGE, TROLLEY, WINCH = range(3)
 PARTS = ("bridge", "trolley", "winch")
-MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
 MAX_RISE = 1e-6  # [m] of the pivot
 MAX_OFFSET = 1e-5  # [m] of a hanging load from below its pivot
 # Places where drives and rest are examined: x, y and rope from those of the file, in lengths of that rope.
 PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2))
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
-NAMES = "check the names in [plant.names], and what else the drive moves; no crane may slew or luff"
 TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
 MIN_WINCH = 1e-5  # of the load, for a winch without inertia; accelerations of a lighter one lose digits
+MIN_LOAD = 1e-3  # [kg] that a rig can state
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
 MIN_HEAVIER = 1e-9  # share by which more mass moves along y than along x; less is rounding
 
@@ -49,22 +56,13 @@ class OwnModel(SiteModel):
         self.has_winch = bool(names.winch_drive)
         self.drives, self.sensors = own.drives, own.sensors  # indices of actuators, and in sensordata
         self.servo = own.servo  # what the drives take, such as "velocity"
-        self.filters = own.filters  # (n,) before the forces [s]
+        self.filters, self.delay = own.filters, own.delay  # (n,) before the forces, and one of all drives [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
-        shown, _ = self.show(self.new_data())
-        if not shown[ROPE] > 0.0 or model.opt.gravity[:2].any() or not self.gravity > 0.0:
-            poses = [f"--set rig.plant.names.keyframe={shlex.quote(name)}" for name in self._other_poses()]
-            pose = f"keyframe '{names.keyframe}'" if names.keyframe else "pose of the file"
-            raise InputError(
-                f"{file}: in the {pose}, a rope of {shown[ROPE]:g} m and gravity "
-                f"{model.opt.gravity.tolist()} m/s²",
-                allowed="a load at some distance from its pivot, and gravity along -z",
-                remedy=f"begin at a keyframe: add {' or '.join(poses)}"
-                if poses
-                else "correct sites and gravity in the file",
-            )
+        check_gravity(self)
+        shown = check_pose(self)
         shown[1::2] = shown[ALPHA:] = 0.0
         self.rest = shown  # state (10,) of a hanging load, with place and rope of the file
+        check_swing(self, self.rest)
         falling, pushed = self._probe_rest()
         self.ratios = self._find_ratios()  # (n,) velocity of an actuator over that of its axis
         self.driven_masses = self.ratios / pushed  # (n,) as in `RigParameters.driven_masses` [kg]
@@ -149,54 +147,40 @@ class OwnModel(SiteModel):
             data.qpos[:] = self.model.key_qpos[self.model.key(self.names.keyframe).id]
 
     def _moments(self, data: mujoco.MjData) -> Array:
-        """Return the gradient (n, nv) of the actuators' lengths."""
+        """Return the gradient (nu, nv) of the lengths of all actuators."""
         mujoco.mj_fwdPosition(self.model, data)
         dense = np.zeros((self.model.nu, self.model.nv))
         sparse = data.moment_rownnz, data.moment_rowadr, data.moment_colind
         mujoco.mju_sparse2dense(dense, data.actuator_moment, *sparse)
-        return np.asarray(dense[self.drives])
+        return dense
 
     def _find_ratios(self) -> Array:
         """Return the ratios; raise InputError unless each drive moves its own axis only, everywhere alike."""
         ratios, heights, own = np.zeros(len(self.axes)), [], np.eye(3, 5)[self.axes]
         for state in self.places():
             data = self.new_data()
-            gradient, moment = self.place(data, state), self._moments(data)
+            gradient, moments = self.place(data, state), self._moments(data)
             heights.append(float(data.site_xpos[self.sites[0], 2]))
-            motion = moment @ np.linalg.pinv(gradient)  # (n, 5) of actuators, by axis
+            motions = moments @ np.linalg.pinv(gradient)  # (nu, 5) of actuators, by axis
+            moment, motion = moments[self.drives], motions[self.drives]
             # The first place sets them. They are negative where a positive control moves backwards.
             ratios = ratios if ratios.any() else (motion * own).sum(axis=1)
             others = np.hstack([motion - own * ratios[:, np.newaxis], moment - motion @ gradient])
             for k in np.flatnonzero(~(np.abs(others).max(axis=1) < MAX_COUPLING * np.abs(ratios))):
-                moved = ", ".join(f"{axis} {part:.3g}" for axis, part in zip(AXES, motion[k], strict=True))
-                raise InputError(
-                    f"{self.drive_names[k]} does not move the {AXES[self.axes[k]]} alone and evenly: "
-                    f"its motion per axis is {moved}",
-                    allowed="drives that each move their own axis, in all places by the same amount",
-                    remedy=(
-                        f"name the end of the rope as load, with --set rig.plant.names.load={hook}; "
-                        f"'{self.names.load}' still swings below it"
-                    )
-                    if (hook := self._find_hook(int(k)))
-                    else NAMES,
-                )
+                raise drive_error(self, int(k), data, motions)
         if (rise := max(heights) - min(heights)) > MAX_RISE:
-            raise InputError(
-                f"the pivot rises by {rise:.3g} m on its way",
-                allowed="a pivot that stays at one height",
-                remedy=NAMES,
-            )
+            raise rise_error(self, rise)
         return ratios
 
     def _check_weight(self) -> None:
         """Raise InputError if no weight pulls at the winch."""
-        if not self.load_mass > MIN_STATED * self.driven_masses[-1]:
+        if not self.load_mass > max(MIN_STATED * self.driven_masses[-1], MIN_LOAD):
             lifted = [self.model.body(k).name or str(k) for k in np.flatnonzero(self.model.body_gravcomp)]
             raise InputError(
-                f"{self.file}: the load '{self.names.load}' does not fall where its winch is free"
-                + (f": gravcomp lifts {', '.join(lifted)}" if lifted else ""),
-                allowed="a load whose weight the rope carries",
-                remedy="remove gravcomp" if lifted else "give the load a mass, and leave gravity switched on",
+                f"{self.file}: the rope carries {max(self.load_mass, 0.0):.2g} kg to the load "
+                f"'{self.names.load}'" + (f": gravcomp lifts {', '.join(lifted)}" if lifted else ""),
+                allowed=f"a load of {MIN_LOAD:g} kg or more, whose weight the rope carries",
+                remedy="remove gravcomp" if lifted else "give the body of the load a mass",
             )
 
     def _swinging_mass(self) -> float:
@@ -216,9 +200,7 @@ class OwnModel(SiteModel):
         try:
             RigParameters.from_table(self.built_in, str(self.file))
         except InputError as error:
-            raise InputError(
-                error.found, allowed=error.allowed, remedy="write the model in SI units: m, kg, s and N"
-            ) from None
+            raise InputError(error.found, allowed=error.allowed, remedy=SI_UNITS) from None
 
     def _check_response(self) -> None:
         """Raise InputError for a drive whose force does not change at once by its gain times its control."""
@@ -246,27 +228,6 @@ class OwnModel(SiteModel):
                     remedy=f"let ctrlrange and forcerange of {name} include what holds the crane at rest",
                 )
 
-    def _other_poses(self) -> list[str]:
-        """Return the names of the keyframes in which the load is at some distance from its pivot."""
-        data, names = mujoco.MjData(self.model), []
-        for k in range(self.model.nkey):
-            data.qpos[:] = self.model.key_qpos[k]
-            if self.model.key(k).name and self.show(data)[0][ROPE] > 0.0:
-                names.append(self.model.key(k).name)
-        return names
-
-    def _find_hook(self, k: int) -> str:
-        """Return the site where the tendon of drive `k` ends; empty without one, or if the load is there."""
-        model, drive = self.model, self.drives[k]
-        if model.actuator_trntype[drive] != int(mujoco.mjtTrn.mjTRN_TENDON):
-            return ""
-        rope = model.actuator_trnid[drive, 0]
-        parts = slice(model.tendon_adr[rope], model.tendon_adr[rope] + model.tendon_num[rope])
-        sites = model.wrap_objid[parts][model.wrap_type[parts] == int(mujoco.mjtWrap.mjWRAP_SITE)]
-        trolley = model.site_bodyid[self.sites[0]]
-        ends = [model.site(site).name for site in sites if model.site_bodyid[site] != trolley]
-        return "" if self.names.load in ends else (ends or [""])[-1]
-
     def _probe_rest(self) -> tuple[float, Array]:
         """Return how the load falls without drives [m/s²], and how 1 N of each drive (n,) moves its axis.
 
@@ -279,7 +240,7 @@ class OwnModel(SiteModel):
         data = self.new_data(model)
         gradient = self.place(data, self.rest)
         accelerations = []
-        for force in (np.zeros(model.nv), *self._moments(data)):
+        for force in (np.zeros(model.nv), *self._moments(data)[self.drives]):
             data.qfrc_applied[:] = force
             mujoco.mj_forward(model, data)
             accelerations.append(gradient @ data.qacc)
@@ -306,7 +267,8 @@ def _digest(own: OwnFile) -> str:
     model = own.spec.compile()
     compiled = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, compiled)
-    return hashlib.sha256(compiled.tobytes()).hexdigest()[: Provenance.DIGITS]
+    delay = f"{own.delay!r}".encode() if own.delay else b""  # it is no longer in the model
+    return hashlib.sha256(compiled.tobytes() + delay).hexdigest()[: Provenance.DIGITS]
 
 
 def open_model(file: Path, names: ModelNames) -> OwnModel:

@@ -98,7 +98,7 @@ def cause_sizes(own: OwnModel) -> list[CauseSize]:
         The largest distances of the load [m] in the motion.
     """
     motion = TrialMotion(own)
-    causes = [*causes_of(own.model)]
+    causes = causes_of(own)
     removable = {cause.text: cause.remove for cause in causes if cause.remove}
     removable |= {"limits of drives": _release_drives, "contacts and end stops": _release}
     path, rigid = motion.run(), motion.run_rigid()

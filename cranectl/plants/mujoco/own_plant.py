@@ -99,5 +99,6 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
         digest=own.digest,
         drives=("force" if own.servo == "force" else "velocity",),
         fixed=own.built_in,
+        delay=own.delay,
         differs=", ".join(difference.text for difference in find_differences(own)),
     )

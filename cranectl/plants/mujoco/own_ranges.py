@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from cranectl.plants.mujoco.own_model import MAX_COUPLING, OwnModel
+from cranectl.plants.mujoco.own_model import OwnModel
+from cranectl.plants.mujoco.own_refusals import MAX_COUPLING
 from cranectl.plants.mujoco.sites import AXES
 from cranectl.signals import BRIDGE, ROPE, TROLLEY
 

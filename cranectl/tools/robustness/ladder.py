@@ -103,8 +103,7 @@ def evaluate_levels(
     check_steps(scenario, [*alone.values(), *cumulative.values()])
     levels = list(LEVELS[: len(names)])
     if scenario.rig.model is not None:
-        level, cumulative[MODEL] = model_level(scenario, added)
-        alone[MODEL] = with_effects(scenario, [])
+        level, cumulative[MODEL], alone[MODEL] = model_level(scenario, added)
         levels.append(level)
 
     def simulate(level: Level, variant: Scenario) -> Run:
@@ -136,16 +135,20 @@ def evaluate_levels(
         before, base = run, run if level.name == BASE else base
 
 
-def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenario]:
-    """Return the level of the rig's model file, and its scenario with those effects that the file honours."""
+def model_level(scenario: Scenario, added: Sequence[str]) -> tuple[Level, Scenario, Scenario]:
+    """Return the level of the rig's model file, and its scenario with those effects that the file honours.
+
+    The second scenario has only the delay that the drives of the file may have.
+    """
     entry = PLANTS.find(str(scenario.rig.model), scenario.rig)
-    drive, effects = entry.drives[0], with_effects(scenario, added).effects
+    built_in = ["delay"] * (entry.delay > 0.0)
+    drive, effects = entry.drives[0], with_effects(scenario, {*added, *built_in}).effects
     honoured, left_out = entry.honoured(effects, drive)
     variant = replace_effects(scenario, honoured)
     PLANTS.make(entry.name, variant, drive)
     own = f", without {', '.join(left_out)}: the file says what it has of these" if left_out else ""
     adds = f"{entry.label} with {drive} drives in place of the shipped crane{own}"
-    return Level(MODEL, adds, entry.name, drive), variant
+    return Level(MODEL, adds, entry.name, drive), variant, with_effects(scenario, built_in)
 
 
 def check_steps(scenario: Scenario, variants: Iterable[Scenario]) -> None:

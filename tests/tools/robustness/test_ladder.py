@@ -155,6 +155,21 @@ def test_the_model_file_of_a_rig_is_the_last_level(
 
 
 @pytest.mark.usefixtures("no_model_afterwards")
+def test_a_model_whose_drives_have_a_delay_has_it_in_each_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The rig that is guessed for it names the delay."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "model", str(MODELS / "delay.xml")]) == 0
+    start = "reference.start = [0.0, 0.0, -0.8]\ninitial.load_offset = [0.02, 0.0, 0.0]"
+    Path("a.toml").write_text(f'name = "a"\nrig = "delay-rig.toml"\nduration = 1.0\n{start}\n')
+    assert main(["ladder", "a.toml", "--controller", "lqr", "--top", "servos", "--out", "a.mcap"]) == 0
+    run = Log.read("a.mcap").layers["model"].run
+    assert run.scenario.effects.names == ("delay",)
+    assert run.scenario.delay_samples == 20
+
+
+@pytest.mark.usefixtures("no_model_afterwards")
 def test_a_model_that_is_another_crane_than_the_rig_is_refused_before_any_run(short: Scenario) -> None:
     rig = short.rig.model_copy(update={"model": str(MODELS / "tendon.xml")})
     with pytest.raises(InputError, match=r"rig\.winch_mass = 0\.4"):

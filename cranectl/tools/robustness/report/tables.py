@@ -113,7 +113,9 @@ class LadderTables:
             "Effort: RMS of the commanded accelerations. Sway: RMS angle between rope and plumb line."
         )
         last = results[-1].level
-        note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has no effects." * (last.name == MODEL)
+        note += f" {MODEL.capitalize()}: {last.adds}. Alone, it has only what its file has." * (
+            last.name == MODEL
+        )
         title = f"{run.scenario.name}, {run.design.name}: what each level adds"
         rows = tuple(Cell.row(result.level.name, *_level(result)) for result in results)
         return Table(title, headings, rows, labels=2, note=note)
