@@ -27,6 +27,8 @@ class WatchedRig:
         self._rig, self.read = rig, read
 
     def __getattr__(self, name: str) -> Any:
+        if name == "axis_masses":  # which controllers declare by the masses that it is made of
+            return RigParameters.axis_masses.fget(self)  # type: ignore[attr-defined]
         item = getattr(self._rig, name)
         if isinstance(item, EffectNumbers):
             return WatchedRig(item, self.read)

@@ -9,7 +9,7 @@ import pytest
 
 from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
-from cranectl.plants.mujoco.own_motion import SAMPLES, TrialMotion, cause_sizes
+from cranectl.plants.mujoco.own_motion import MOTION_SAMPLES, TrialMotion, cause_sizes
 from cranectl.scenario.rig import ModelNames
 from cranectl.support import Array
 from cranectl.support.resources import Shipped
@@ -183,8 +183,8 @@ def path_of_bare_mujoco(file: Path, motion: TrialMotion) -> Array:
     model = mujoco.MjModel.from_xml_path(str(file))
     model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, motion.step
     data, path = mujoco.MjData(model), []
-    for k in range(SAMPLES):
-        data.ctrl[:] = motion.command(k * motion.duration / SAMPLES)
+    for k in range(MOTION_SAMPLES):
+        data.ctrl[:] = motion.command(k * motion.duration / MOTION_SAMPLES)
         mujoco.mj_step(model, data, motion.substeps)
         mujoco.mj_forward(model, data)
         path.append(data.site("load").xpos.copy())

@@ -30,7 +30,7 @@ TABLES: dict[str, Any] = {
         "jerk": [50.0, 50.0, 50.0],
         "load_box": [[0.0, 2.0], [0.0, 1.54], [-1.4, 0.0]],
     },
-    "rig": RigParameters().model_dump(mode="json", exclude={"effects"}),
+    "rig": RigParameters().model_dump(mode="json", exclude={"effects"}) | {"trolley_motor_mass": 0.0},
     "effects": {"limits": DriveLimits().model_dump(mode="json")},
 }
 POINTS = [START, [0.8, 0.8, -0.7], [1.2, 0.9, -0.9]]

@@ -17,8 +17,8 @@ from cranectl.support import Array
 
 TRAVEL = (0.2, 0.15, -0.1)  # of bridge, trolley and winch, in lengths of the rope
 SWINGS = 3.0  # duration of the motion, in periods of the free swing; two of them move the drives
-SAMPLES, MIN_SUBSTEPS, MAX_SUBSTEPS = 300, 10, 100  # of the motion, and steps of the engine in each
-ROUNDING = 1e-9  # [m] of a path; a cause of less does not act
+MOTION_SAMPLES, MIN_SUBSTEPS, MAX_SUBSTEPS = 300, 10, 100  # of the motion, and steps of the engine in each
+MIN_ACTING = 1e-9  # [m] of a path; a cause of less does not act
 Removal = Callable[[mujoco.MjModel], None]
 
 
@@ -38,13 +38,13 @@ class TrialMotion:
         self.duration = SWINGS * self.period  # [s]
         self.rig = RigParameters.from_table({**own.built_in, **own.names.axes}, str(own.file))
         self.drive: Drive = "force" if own.servo == "force" else "velocity"
-        sample = self.duration / SAMPLES
+        sample = self.duration / MOTION_SAMPLES
         steps = round(sample / own.model.opt.timestep)
         self.substeps = min(max(steps, MIN_SUBSTEPS), MAX_SUBSTEPS)
         self.step = sample / self.substeps  # [s]
 
     def run(self, removals: Iterable[Removal] = ()) -> Array:
-        """Return the path of the load (SAMPLES, 3) [m] on the model after `removals`."""
+        """Return the path of the load (MOTION_SAMPLES, 3) [m] on the model after `removals`."""
         plant = OwnPlant(
             self.rig, file=str(self.own.file), name="own", names=self.own.names, drive=self.drive,
             effects=EffectSettings(), step=self.step, substeps=self.substeps,
@@ -54,7 +54,7 @@ class TrialMotion:
         return self._path(plant)
 
     def run_rigid(self) -> Array:
-        """Return the path of the load (SAMPLES, 3) [m] on the rigid crane with the model's numbers."""
+        """Return the path of the load (MOTION_SAMPLES, 3) [m] on the rigid crane with the model's numbers."""
         plant = MujocoPlant(
             self.rig, drive=self.drive, effects=EffectSettings(), step=self.step, substeps=self.substeps
         )
@@ -74,9 +74,9 @@ class TrialMotion:
 
     def _path(self, plant: MujocoPlant) -> Array:
         plant.reset(self.own.rest)
-        load, path = np.zeros(7), np.zeros((SAMPLES, 3))
-        for k in range(SAMPLES):
-            plant.advance(self.command(k * self.duration / SAMPLES), np.zeros(2), np.zeros(6), load)
+        load, path = np.zeros(7), np.zeros((MOTION_SAMPLES, 3))
+        for k in range(MOTION_SAMPLES):
+            plant.advance(self.command(k * self.duration / MOTION_SAMPLES), np.zeros(2), np.zeros(6), load)
             path[k] = load[:3]
         return path
 
@@ -104,7 +104,7 @@ def cause_sizes(own: OwnModel) -> list[CauseSize]:
     path, rigid = motion.run(), motion.run_rigid()
     sizes = [CauseSize(text, _distance(path, motion.run([remove]))) for text, remove in removable.items()]
     rest = _distance(motion.run(removable.values()), rigid)
-    acting = sorted((size for size in sizes if size.size > ROUNDING), key=lambda size: -size.size)
+    acting = sorted((size for size in sizes if size.size > MIN_ACTING), key=lambda size: -size.size)
     everything = CauseSize("all together, beside the rigid crane", _distance(path, rigid))
     left = ": ".join(filter(None, ("all else", ", ".join(c.text for c in causes if not c.remove))))
     return [everything, *acting, CauseSize(left, rest)]

@@ -112,6 +112,7 @@ def test_what_moves_must_be_there(rig: str, left_out: str, missing: str, tmp_pat
         import_files([tmp_path / "cart.csv"], read, directory=tmp_path)
 
 
+@pytest.mark.usefixtures("in_empty_directory")
 def test_commands_identify_and_judge_a_cart(capsys: pytest.CaptureFixture[str]) -> None:
     """The lag of its drive is found within its band, and a run that was not used is covered."""
     for name, (amplitude, period) in {
