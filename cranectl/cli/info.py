@@ -1,5 +1,6 @@
 """`cranectl info`."""
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 
+WIDTH = 26  # of the names of a model's facts [characters]
 UNREAD = ("[!r]*", "rig.[!par]*", "rig.r[!o]*", "rig.rope_*")  # of a model all but its axes, rope and names
 
 
@@ -91,11 +93,14 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
             f"take {own.servo}{late}; an axis moves them {ratios} times as fast",
         ),
         *((difference.text, difference.meaning) for difference in differences),
-        *((Quantity(size, "m").difference(), cause) for cause, size in sizes),
+        *(
+            (Quantity(size, "m").difference() if isfinite(size) else "no end of the motion", cause)
+            for cause, size in sizes
+        ),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
-    screen.print_each(f"{name:26} {text}" for name, text in facts)
+    screen.print_each(f"{name:{WIDTH}}{':' * (len(name) > WIDTH)} {text}" for name, text in facts)
     settings = model_settings(file, rig)
     screen.print_each(rig_lines(file.as_posix(), rig, settings), indent="  ")
     listed = [difference._asdict() for difference in differences]
@@ -106,7 +111,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
             "ranges": settings["ranges"],
             "assumed_ranges": settings["assumed"],
             "differences": listed,
-            "causes": [size._asdict() for size in sizes],
+            "causes": [{"cause": c, "size_m": size if isfinite(size) else None} for c, size in sizes],
         }
     )
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD

@@ -301,6 +301,7 @@ CART = """
 LIFT = '<joint name="lift" type="slide" axis="0 0 -1" armature="0.05"/>'
 SERVO = '<velocity name="push" joint="slider" kv="{}"/>'
 HOIST = '<general name="hoist" joint="lift" gainprm="10" biastype="affine" biasprm="-1.962 0 -10"/>'
+POSITIONED = '<position name="push" joint="slider" kp="85"/>'
 MOTOR = '<motor name="push" joint="slider"/>'
 START = ([0.2, 0.0, -0.4], [0.2, 0.0, -0.4])
 PLANAR = {
@@ -375,7 +376,31 @@ def test_a_model_that_is_no_crane_gets_no_rig(capsys: pytest.CaptureFixture[str]
     Path("cart.xml").write_text(CART.format(axis="1 0 0", hinge="0 1 0", winch="", inertia="1", drives=""))
     assert main(["new", "model", "cart.xml"]) == 2
     assert "nothing shows what is its drive along x or y" in capsys.readouterr().err
+    parts = {"axis": "1 0 0", "hinge": "0 1 0", "inertia": "1e-12"}
+    for winch, drives, why in (
+        (LIFT, MOTOR, "the joint lift lengthens the rope, and no actuator moves it"),
+        ("", POSITIONED, "the position servo push has no kv, and nothing else damps its axis"),
+    ):
+        Path("cart.xml").write_text(CART.format(winch=winch, drives=drives, **parts))
+        assert main(["new", "model", "cart.xml"]) == 2
+        assert why in capsys.readouterr().err
     assert not [*Path().glob("*-rig.toml")]
+
+
+def test_what_damps_a_joint_is_part_of_its_position_servo(capsys: pytest.CaptureFixture[str]) -> None:
+    """The commonest form of MJCF: kp in the servo, and damping in the joint; a gear of 2 makes a quarter."""
+    text = CART.format(axis="1 0 0", hinge="0 1 0", inertia="1e-12", winch="", drives=POSITIONED)
+    text = text.replace('name="slider"', 'name="slider" damping="12"')
+    for gear, lag in ((1, 12.0 / 85.0), (2, 3.0 / 85.0)):
+        Path("cart.xml").write_text(text.replace('kp="85"', f'kp="85" gear="{gear}"'))
+        own = open_model(
+            Path("cart.xml"),
+            ModelNames(pivot="cart", load="bob", bridge_drive="push", trolley_drive="", winch_drive=""),
+        )
+        assert own.built_in["bridge_time_constant"] == pytest.approx(lag, rel=1e-12)
+    assert main(["new", "model", "cart.xml"]) == 0
+    assert main(["info", "cart.xml", "--rig", "cart-rig.toml", "--as-is"]) == 0
+    assert "damping of slider" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("limits", "expected"), [("0.3 1.2", (0.3, 1.2)), ("0 2", (1e-3, 2.0))])

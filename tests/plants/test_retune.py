@@ -41,8 +41,8 @@ OF_THE_STRUCTURE = {"axes": "x", "rope": "fixed"}
 NO_PART_OF_THE_MODEL = {"velocity", "acceleration", "on_slack", "drive_gain", "dead_zone", "rope_offset"}
 OTHER_RIG = RigParameters(
     gravity=9.7, bridge_range=(0.1, 1.9), trolley_range=(0.1, 1.5), rope_range=(0.1, 1.3), bridge_mass=5.0,
-    trolley_mass=3.0, trolley_motor_mass=2.0, winch_mass=0.3, load_mass=1.7, bridge_time_constant=0.03, trolley_time_constant=0.025,
-    winch_time_constant=0.04,
+    trolley_mass=3.0, trolley_motor_mass=2.0, winch_mass=0.3, load_mass=1.7, bridge_time_constant=0.03,
+    trolley_time_constant=0.025, winch_time_constant=0.04,
 )  # fmt: skip
 
 

@@ -49,9 +49,11 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     causes = ", ".join([*known, "or further masses or forces"]) if known else "further masses or forces"
     rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
     if bias := _holding_bias(own):
+        gain = own.model.actuator_gainprm[own.drives[-1], 0]
         rests[WINCH] = (
             f"it accelerates while its drives rest: {', '.join(known)}{', or ' * bool(known)}"
-            f'does the winch hold the weight? With biastype="affine" biasprm="{bias}" it does.'
+            f'does the winch hold the weight? As <general gainprm="{gain:g}" biastype="affine" '
+            f'biasprm="{bias}"/> it does.'
         )
     driven = [AXES[axis] for axis in own.axes]
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in driven]

@@ -13,6 +13,8 @@ from cranectl.plants.mujoco.own_file import OwnFile
 from cranectl.plants.mujoco.own_refusals import (
     MAX_COUPLING,
     SI_UNITS,
+    check_damping,
+    check_fixed_rope,
     check_gravity,
     check_pose,
     check_swing,
@@ -71,7 +73,10 @@ class OwnModel(SiteModel):
             self.load_mass = float(self.driven_masses[-1] * falling / self.gravity)  # of all that hangs [kg]
             self._check_weight()
         else:
+            check_fixed_rope(self)
             self.load_mass = self._swinging_mass()
+        if self.servo != "force":
+            check_damping(self)
         self._check_masses()
         self._check_response()
 
@@ -128,12 +133,24 @@ class OwnModel(SiteModel):
             lightest = max(MIN_WINCH * self.load_mass, MIN_STATED)
             numbers["winch_mass"] = max(driven[WINCH] - self.load_mass, lightest)
         if self.servo != "force":
-            _, stiffness, damping = -self.model.actuator_biasprm[self.drives, :3].T
-            is_velocity = self.servo == "velocity"
-            lags = self.driven_masses / (self.ratios**2 * damping) if is_velocity else damping / stiffness
-            for axis, lag in zip(self.axes, lags + self.filters, strict=True):
+            for axis, lag in zip(self.axes, self.lags + self.filters, strict=True):
                 numbers[f"{PARTS[axis]}_time_constant"] = max(lag, MIN_STATED)
         return {name: float(number) for name, number in {"gravity": self.gravity, **numbers}.items()}
+
+    @property
+    def lags(self) -> Array:
+        """How late axes follow their servos (n,) [s]; damping of the axis is part of a position servo."""
+        _, stiffness, damping = -self.model.actuator_biasprm[self.drives, :3].T
+        if self.servo == "velocity":
+            return np.asarray(self.driven_masses / (self.ratios**2 * damping))
+        data = self.new_data(self.free)
+        motions = np.linalg.pinv(self.place(data, self.rest))[:, self.axes]  # (nv, n)
+        for k, motion in enumerate(motions.T):
+            data.qvel[:] = motion
+            mujoco.mj_fwdPosition(self.free, data)
+            mujoco.mj_fwdVelocity(self.free, data)
+            damping[k] -= motion @ data.qfrc_damper / self.ratios[k] ** 2
+        return np.asarray(damping / stiffness)
 
     def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """Return data of the model, or of a variant, in the pose of the file or of the rig's keyframe."""

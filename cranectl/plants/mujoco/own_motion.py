@@ -1,7 +1,7 @@
 """A motion of a model file, and by how much each of its differences from the rigid crane moves the load."""
 
 from collections.abc import Callable, Iterable
-from math import pi, sqrt
+from math import inf, isfinite, pi, sqrt
 from typing import NamedTuple
 
 import mujoco
@@ -100,10 +100,14 @@ def cause_sizes(own: OwnModel) -> list[CauseSize]:
     motion = TrialMotion(own)
     causes = causes_of(own)
     removable = {cause.text: cause.remove for cause in causes if cause.remove}
-    removable |= {"limits of drives": _release_drives, "contacts and end stops": _release}
-    path, rigid = motion.run(), motion.run_rigid()
-    sizes = [CauseSize(text, _distance(path, motion.run([remove]))) for text, remove in removable.items()]
-    rest = _distance(motion.run(removable.values()), rigid)
+    removable["limits of drives"] = _release_drives
+    path, free, rigid = motion.run(), motion.run([_release]), motion.run_rigid()
+    # What stops the crane hides other causes, so these are left out of a motion without stops.
+    sizes = [CauseSize("contacts and end stops", _distance(path, free))]
+    sizes += [
+        CauseSize(text, _distance(free, motion.run([_release, remove]))) for text, remove in removable.items()
+    ]
+    rest = _distance(motion.run([_release, *removable.values()]), rigid)
     acting = sorted((size for size in sizes if size.size > MIN_ACTING), key=lambda size: -size.size)
     everything = CauseSize("all together, beside the rigid crane", _distance(path, rigid))
     left = ": ".join(filter(None, ("all else", ", ".join(c.text for c in causes if not c.remove))))
@@ -111,7 +115,9 @@ def cause_sizes(own: OwnModel) -> list[CauseSize]:
 
 
 def _distance(one: Array, other: Array) -> float:
-    return float(np.linalg.norm(one - other, axis=1).max())
+    """Return the largest distance of two paths [m]; infinite if one of them has no end."""
+    distance = float(np.linalg.norm(one - other, axis=1).max())
+    return distance if isfinite(distance) else inf
 
 
 def _release(model: mujoco.MjModel) -> None:

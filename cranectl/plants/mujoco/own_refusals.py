@@ -177,3 +177,27 @@ def _find_hook(own: "OwnModel", drive: int) -> str:
     trolley = model.site_bodyid[own.sites[0]]
     ends = [model.site(site).name for site in sites if model.site_bodyid[site] != trolley]
     return "" if own.names.load in ends else (ends or [""])[-1]
+
+
+def check_damping(own: "OwnModel") -> None:
+    """Raise InputError for a position servo that nothing damps."""
+    for k in np.flatnonzero(~(own.lags > 0.0)):
+        raise InputError(
+            f"{own.file}: the position servo {own.drive_names[k]} has no kv, and nothing else damps its axis",
+            allowed="drives that come to rest",
+            remedy=f"write kv=NUMBER into {own.drive_names[k]}, or damping=NUMBER into its joint",
+        )
+
+
+def check_fixed_rope(own: "OwnModel") -> None:
+    """Raise InputError for a slide that lengthens a rope without a winch."""
+    model, data = own.model, own.new_data()
+    gradient = own.place(data, own.rest)
+    for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_SLIDE)):
+        if abs(gradient[ROPE // 2, model.jnt_dofadr[joint]]) > MAX_COUPLING:
+            name = model.joint(joint).name or joint
+            raise InputError(
+                f"{own.file}: the joint {name} lengthens the rope, and no actuator moves it",
+                allowed="a winch, or a rope of fixed length",
+                remedy=f"add an actuator for {name} and name it as winch_drive, or remove the joint",
+            )
