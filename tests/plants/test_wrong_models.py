@@ -202,6 +202,16 @@ WRONG = {
             "bridge_drive is 0.02 s late and keeps 0.005 s of controls",
             'write nsample="20" for bridge_drive',
         ),
+        (
+            [("<default>", '<option timestep="0"/><default>')],
+            "bridge_drive is 0.02 s late and keeps 0 s of controls",
+            'write <option timestep="0.001"/> into the file',
+        ),
+        (
+            [('delay="0.02"', 'delay="-0.02"')],
+            "bridge_drive has a delay of -0.02 s, trolley_drive has a delay of -0.02 s",
+            "correct the delay of bridge_drive and trolley_drive and winch_drive in the file",
+        ),
     ],
     "keyframe": [
         (

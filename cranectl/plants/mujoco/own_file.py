@@ -24,6 +24,8 @@ INTEGRATOR, FILTER, FILTEREXACT = (
 )
 ACTIVATIONS = (int(mujoco.mjtDyn.mjDYN_NONE), INTEGRATOR, FILTER, FILTEREXACT)
 MAX_ROUNDING = 1e-9
+MAX_DELAY = 10.0  # [s] as of `effects.delay`
+MAX_DELAY_SAMPLES = 1e5  # samples of a delay; more come from a timestep that nobody means
 GROUPS = 31  # of actuators that can be switched off
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
@@ -100,7 +102,14 @@ class OwnFile:
     def _take_delay(self) -> float:
         """Remove the delay of the drives and return it [s]; raise InputError if it is not one for all."""
         drives = [actuator for actuator in self.spec.actuators if actuator.name in {*self.names.drives}]
-        delays = {actuator.name: float(actuator.delay) for actuator in drives}
+        delays, step = {a.name: float(a.delay) for a in drives}, float(self.spec.option.timestep)
+        if impossible := [name for name, of in delays.items() if not 0.0 <= of <= MAX_DELAY]:
+            found = ", ".join(f"{name} has a delay of {delays[name]:g} s" for name in impossible)
+            raise InputError(
+                f"{self.file}: {found}",
+                allowed=f"delays of 0 to {MAX_DELAY:g} s",
+                remedy=f"correct the delay of {' and '.join(impossible)} in the file",
+            )
         if len({*delays.values()}) > 1:
             raise InputError(
                 f"{self.file}: {', '.join(f'{name} has a delay of {of:g} s' for name, of in delays.items())}",
@@ -109,12 +118,15 @@ class OwnFile:
             )
         delay = max(delays.values(), default=0.0)
         for actuator in drives:
-            kept = actuator.nsample * self.spec.option.timestep
-            if kept < delay * (1.0 - MAX_ROUNDING):
+            kept = actuator.nsample * step
+            if not kept >= delay * (1.0 - MAX_ROUNDING):
+                count = delay / step if step > 0.0 else MAX_DELAY_SAMPLES
                 raise InputError(
                     f"{self.file}: {actuator.name} is {delay:g} s late and keeps {kept:g} s of controls",
                     allowed="as many samples, a timestep apart, as the delay has",
-                    remedy=f'write nsample="{ceil(delay / self.spec.option.timestep)}" for {actuator.name}',
+                    remedy=f'write nsample="{ceil(count)}" for {actuator.name}'
+                    if count < MAX_DELAY_SAMPLES
+                    else 'write <option timestep="0.001"/> into the file',
                 )
             actuator.delay, actuator.nsample = 0.0, 0
         return delay
