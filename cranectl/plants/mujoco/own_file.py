@@ -25,7 +25,7 @@ INTEGRATOR, FILTER, FILTEREXACT = (
 ACTIVATIONS = (int(mujoco.mjtDyn.mjDYN_NONE), INTEGRATOR, FILTER, FILTEREXACT)
 MAX_ROUNDING = 1e-9
 MAX_DELAY = 10.0  # [s] as of `effects.delay`
-MAX_DELAY_SAMPLES = 1e5  # samples of a delay; more come from a timestep that nobody means
+MAX_KEPT_CONTROLS = 1e5  # samples of a delay; more come from a timestep that nobody means
 GROUPS = 31  # of actuators that can be switched off
 SENSOR_NAME = "cranectl_"  # beginning of the names of sensors that are added
 # Sensors that are added: kind, and of what. The first three are read as a run's load, see `Plant.advance`.
@@ -45,7 +45,7 @@ def _told(file: Path) -> Iterator[None]:
     """Turn what Python and MuJoCo raise while a file is read into an InputError."""
     try:
         yield
-    except (OSError, ValueError, ElementTree.ParseError) as error:
+    except (OSError, ValueError, UserWarning, ElementTree.ParseError) as error:  # of a mass that is all but 0
         raise InputError(
             f"{file}: {error}",
             allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",
@@ -120,12 +120,12 @@ class OwnFile:
         for actuator in drives:
             kept = actuator.nsample * step
             if not kept >= delay * (1.0 - MAX_ROUNDING):
-                count = delay / step if step > 0.0 else MAX_DELAY_SAMPLES
+                count = delay / step if step > 0.0 else MAX_KEPT_CONTROLS
                 raise InputError(
                     f"{self.file}: {actuator.name} is {delay:g} s late and keeps {kept:g} s of controls",
                     allowed="as many samples, a timestep apart, as the delay has",
                     remedy=f'write nsample="{ceil(count)}" for {actuator.name}'
-                    if count < MAX_DELAY_SAMPLES
+                    if count < MAX_KEPT_CONTROLS
                     else 'write <option timestep="0.001"/> into the file',
                 )
             actuator.delay, actuator.nsample = 0.0, 0
