@@ -113,12 +113,11 @@ def _sources(folder: Path) -> Iterator[Path]:
 def _kind(path: Path) -> str:
     """Return "scenario", "campaign", or "" for another table."""
     try:
+        if "scenario" in TOML.read(path):  # a key that only campaigns have
+            return "campaign"
         return "scenario" if kind_of(path) == "scenario" else ""
     except InputError:  # another kind, or no TOML
-        try:
-            return "campaign" if "scenario" in TOML.read(path) else ""
-        except InputError:
-            return ""
+        return ""
 
 
 def _grouped(kinds: dict[Path, str]) -> Iterator[str]:

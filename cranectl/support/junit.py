@@ -35,7 +35,7 @@ class JUnitCase(NamedTuple):
                 "package": "cranectl",
                 "name": command,
                 "timestamp": now.isoformat(timespec="seconds"),  # in UTC; the schema allows no zone
-                "hostname": "localhost",  # names of machines belong to nobody else
+                "hostname": "localhost",  # required; the name of the machine does not belong into results
                 "time": f"{seconds:.3f}",
                 **totals,
             },

@@ -23,7 +23,7 @@ INTEGRATOR, FILTER, FILTEREXACT = (
     int(getattr(mujoco.mjtDyn, f"mjDYN_{name}")) for name in ("INTEGRATOR", "FILTER", "FILTEREXACT")
 )
 ACTIVATIONS = (int(mujoco.mjtDyn.mjDYN_NONE), INTEGRATOR, FILTER, FILTEREXACT)
-MAX_ROUNDING = 1e-9
+MAX_ROUNDING = 1e-9  # share of a delay by which its samples may be too few
 MAX_DELAY = 10.0  # [s] as of `effects.delay`
 MAX_KEPT_CONTROLS = 1e5  # samples of a delay; more come from a timestep that nobody means
 GROUPS = 31  # of actuators that can be switched off
@@ -45,7 +45,7 @@ def _told(file: Path) -> Iterator[None]:
     """Turn what Python and MuJoCo raise while a file is read into an InputError."""
     try:
         yield
-    except (OSError, ValueError, UserWarning, ElementTree.ParseError) as error:  # of a mass that is all but 0
+    except (OSError, ValueError, UserWarning, ElementTree.ParseError) as error:  # masses near 0 warn
         raise InputError(
             f"{file}: {error}",
             allowed=f"a model in MJCF that MuJoCo {mujoco.__version__} compiles",

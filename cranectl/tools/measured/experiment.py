@@ -139,7 +139,8 @@ class Experiment:
         self.channels = slice(3, 5) if replay == "motion" else slice(0, 5)
         self.compared = 2 if replay == "motion" else 5
         along_x, along_y, hoists = rig.moves
-        self.moving = np.array([along_x, along_y, hoists, along_y, along_x])[self.channels]  # not fixed
+        # Whether each compared channel can move: alpha along y, beta along x.
+        self.moving = np.array([along_x, along_y, hoists, along_y, along_x])[self.channels]
         noise = 10.0 * self.noise
         angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(start[ROPE])))
         swing_scale = [angles[0], angles[0] * self.frequency, angles[1], angles[1] * self.frequency]
