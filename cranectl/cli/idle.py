@@ -72,6 +72,8 @@ class IdleSettings:
             if names
         ]
         effects = () if all_effects else scenario.idle_effects(read)
+        if any(PLANTS.entry(run.plant).is_model_file for run in runs):
+            effects = tuple(name for name in effects if name != "limits")  # those of a model act in it
         return [*([_effects_line(scenario, effects, runs)] if effects else []), *lines]
 
     @staticmethod

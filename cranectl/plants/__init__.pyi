@@ -13,6 +13,7 @@ from .mujoco.own_file import OwnFile as OwnFile
 from .mujoco.own_model import open_model as open_model
 from .mujoco.own_motion import cause_sizes as cause_sizes
 from .mujoco.own_ranges import axis_ranges as axis_ranges
+from .mujoco.own_ranges import drive_limits as drive_limits
 from .mujoco.plant import MujocoPlant as MujocoPlant
 from .plant import DRIVES as DRIVES
 from .plant import Drive as Drive

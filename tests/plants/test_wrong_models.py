@@ -21,7 +21,7 @@ MUSCLE = f'muscle {DRIVEN} joint="bridge_position" lengthrange="0 1"'
 UPWARDS = "let its z axis point upwards"
 SI = "SI units: m, kg, s and N"
 PLAIN = "write bridge_drive as <velocity>, <position> or <motor>"
-HELD = "let ctrlrange and forcerange of {} include what holds the crane at rest"
+HELD = "let ctrlrange of {} include {}, and its forcerange, or the actuatorfrcrange of its joint, {} N"
 KINDS = "change the actuators in the file"
 HANG = "let the load hang in the file, or exchange the names of pivot and load"
 GUIDED = "change joint '{}' in the file: the pivot may only slide along x and y"
@@ -73,7 +73,7 @@ WRONG = {
         (
             [(BRIDGE, f'{BRIDGE} forcerange="5 6"')],
             "control of bridge_drive has 0 of the effect",
-            HELD.format("bridge_drive"),
+            HELD.format("bridge_drive", "0", "0"),
         ),
         (
             [(f"velocity {DRIVEN} {BRIDGE}", MUSCLE)],
@@ -182,7 +182,7 @@ WRONG = {
         (
             [('gainprm="40"', 'gainprm="40" forcerange="-5 5"')],
             "control of winch_drive has 0 of the effect",
-            HELD.format("winch_drive"),
+            HELD.format("winch_drive", "0", "-14.71"),  # 1.5 kg
         ),
     ],
     "two-falls": [
@@ -225,7 +225,12 @@ WRONG = {
         (
             [('gear="-8"', 'gear="-8" ctrlrange="-1 1"')],
             "control of winch_drive has 0 of the effect",
-            HELD.format("winch_drive"),
+            HELD.format("winch_drive", "-4.9", "-4.9"),  # 4 kg by a gear of 8
+        ),
+        (
+            [('armature="3"', 'armature="3" actuatorfrcrange="-30 30"')],
+            "control of winch_drive has 0 of the effect",
+            HELD.format("winch_drive", "-4.9", "-4.9"),
         ),
     ],
 }

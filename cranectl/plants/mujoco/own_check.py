@@ -15,6 +15,7 @@ import numpy as np
 
 from cranectl.plants.mujoco.own_causes import causes_of
 from cranectl.plants.mujoco.own_model import WINCH, OwnModel
+from cranectl.plants.mujoco.own_ranges import are_limited
 from cranectl.plants.mujoco.sites import AXES, rope_acceleration
 from cranectl.signals import ROPE
 from cranectl.support import Array
@@ -78,10 +79,9 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
                     else "force drives of other plants have no lag",
                 )
             )
-    limited = own.model.actuator_ctrllimited[own.drives] | own.model.actuator_forcelimited[own.drives]
-    if limited.any():
+    if (limited := are_limited(own)).any():
         names = " and ".join(name for name, has in zip(own.drive_names, limited, strict=True) if has)
-        meaning = f"ctrlrange or forcerange of {names}; drives of other plants have none"
+        meaning = f"of control or force of {names}; drives of other plants have none"
         differences.append(ModelDifference("limits of drives", 0.0, meaning))
     return (*differences, *_stops(own))
 

@@ -116,6 +116,11 @@ class OwnModel(SiteModel):
             yield self.rest + self.rest[ROPE] * moved
 
     @property
+    def swing_period(self) -> float:
+        """Period of the free swing [s] on the rope of the file."""
+        return float(2.0 * np.pi * np.sqrt(self.rest[ROPE] / self.gravity))
+
+    @property
     def built_in(self) -> dict[str, float]:
         """The numbers of the rig that the model has, by their names in a rig."""
         driven = dict(zip(self.axes.tolist(), self.driven_masses.tolist(), strict=True))
@@ -224,10 +229,11 @@ class OwnModel(SiteModel):
         data = self.new_data(self.free)
         self.place(data, self.rest)
         self.hold(data)
+        moments = self._moments(data)
         mujoco.mj_forward(self.free, data)
-        held = data.actuator_force.copy()
+        held = data.qfrc_actuator.copy()
         for k, name in zip(self.drives, self.drive_names, strict=True):
-            gain = self.model.actuator_gainprm[k, 0]
+            gain, moment = self.model.actuator_gainprm[k, 0], moments[k]
             address = self.model.actuator_actadr[k]
             values, index = (data.ctrl, k) if address < 0 else (data.act, address)
             value, shares = values[index], []
@@ -235,14 +241,18 @@ class OwnModel(SiteModel):
             for change in (small, -small):  # one of the two may be beyond a limit of the drive
                 values[index] = value + change
                 mujoco.mj_forward(self.free, data)
-                shares.append(float(data.actuator_force[k] - held[k]) / (gain * change))
+                force = (data.qfrc_actuator - held) @ moment / (moment @ moment)
+                shares.append(float(force) / (gain * change))
             values[index] = value
             if not min(abs(share - 1.0) for share in shares) < MAX_COUPLING:
+                bias = self.model.actuator_biasprm[k]
+                needed = gain * value + bias[0] + bias[1] * data.actuator_length[k] + 0.0
                 raise InputError(
                     f"{self.file}: at rest, a small change of the control of {name} has "
                     f"{max(shares, key=abs):.3g} of the effect that its gain states",
                     allowed="drives that follow their controls, or filters of these, within their limits",
-                    remedy=f"let ctrlrange and forcerange of {name} include what holds the crane at rest",
+                    remedy=f"let ctrlrange of {name} include {value:.4g}, and its forcerange, or the "
+                    f"actuatorfrcrange of its joint, {needed:.4g} N: they hold the crane at rest",
                 )
 
     def _probe_rest(self) -> tuple[float, Array]:

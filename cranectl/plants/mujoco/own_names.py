@@ -22,7 +22,7 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
     Of a body that is the pivot, the origin of its frame counts, and of one that is the load, the centre of
     mass. Raises InputError, with all that is missing, if a name is not in the model.
     """
-    missing = []
+    missing, allowed = [], _allowed(spec)  # before sites are added
     for key, name in names:
         if not name and key.endswith("drive"):  # of a fixed axis
             continue
@@ -45,7 +45,7 @@ def complete_names(file: Path, spec: mujoco.MjSpec, names: ModelNames) -> None:
         raise InputError(
             f"{file} has "
             + ", and ".join(f"no {kind} named '{name}' for the {_words(key)}" for key, kind, name in missing),
-            allowed=_allowed(spec),
+            allowed=allowed,
             remedy=f"add {' '.join(f'--set {shlex.quote(setting)}' for setting in settings)}"
             + ("" if all(key in guesses for key in named) else ", or add it to the file"),
         )
