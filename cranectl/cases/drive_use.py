@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cranectl.plants import DRIVES, PLANTS
+from cranectl.reference import Trajectory
+from cranectl.scenario import NANOSECONDS
 from cranectl.simulate import Run
 from cranectl.support import Array
 
@@ -21,6 +23,7 @@ class DriveUse(NamedTuple):
     commanded: float
     limit: float
     is_assumed: bool = False  # True if the limit is scaled from the laboratory rig
+    time: float = 0.0  # when it is commanded [s]
 
     @property
     def share(self) -> float:
@@ -32,13 +35,18 @@ def drive_uses(run: Run) -> list[DriveUse]:
     """Return the largest commands of a run with samples, in descending order of their share of the limit."""
     limits, scenario = run.scenario.drive_limits, run.scenario
     assumed = scenario.assumed_settings
-    uses = [
-        DriveUse(axis, UNITS[kind], commanded, limit, f"{scenario.drive_limits_key}.{kind}" in assumed)
-        for kind, commands in commands_of(run).items()
-        for axis, commanded, limit in zip(
-            AXES, np.abs(commands).max(axis=0).tolist(), getattr(limits, kind), strict=True
+    uses = []
+    for kind, commands in commands_of(run).items():
+        largest, is_assumed = (
+            np.abs(commands).argmax(axis=0),
+            f"{scenario.drive_limits_key}.{kind}" in assumed,
         )
-    ]
+        for k, (axis, limit) in enumerate(zip(AXES, getattr(limits, kind), strict=True)):
+            commanded, time = (
+                float(abs(commands[largest[k], k])),
+                float(run.time_ns[largest[k]]) / NANOSECONDS,
+            )
+            uses.append(DriveUse(axis, UNITS[kind], commanded, limit, is_assumed, time))
     return sorted(uses, key=lambda use: -use.share)
 
 
@@ -61,14 +69,16 @@ def beyond_drives(run: Run) -> str:
     if not (unlimited and run.has("input", "state") and len(run.time_ns)) or run.status.stopped:
         return ""
     uses = drive_uses(run)
-    axis, unit, commanded, limit, is_assumed = worst = uses[0]
+    axis, unit, commanded, limit, is_assumed, time = worst = uses[0]
     if worst.share <= 1.0:
         return ""
     is_force = unit == UNITS["force"]
+    moves_until, _ = Trajectory.of(run.scenario.reference).last_motion
+    remedies = ["give the move more time" if time < moves_until else "choose a gentler controller"]
+    remedies += ["lift less"] * (is_force and axis == AXES[-1])
     text = (
         f"asks {commanded:.3g} {unit} of the {axis}, {worst.share:.3g} times what its drive can do"
-        f"{f' (assumed: {limit:.3g} {unit})' if is_assumed else ''}: give the move more time"
-        f"{', or lift less' if is_force and axis == AXES[-1] else ''}"
+        f"{f' (assumed: {limit:.3g} {unit})' if is_assumed else ''}: {', or '.join(remedies)}"
     )
     if _may_be_refused(run, uses, drive := "force" if is_force else "velocity"):
         return text
