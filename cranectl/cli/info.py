@@ -84,6 +84,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     own = plants.open_model(file, names)
     differences = plants.find_differences(own)
     sizes = plants.cause_sizes(own) if differences else []
+    settings = model_settings(file, rig)
     late, ratios = f" {own.delay:g} s late" * bool(own.delay), ", ".join(f"{r:g}" for r in own.ratios)
     facts = [
         ("model", file),
@@ -92,6 +93,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
             "drives",
             f"take {own.servo}{late}; an axis moves them {ratios} times as fast",
         ),
+        ("pose of the file", _pose(own, settings["ranges"])),
         *((difference.text, difference.meaning) for difference in differences),
         *(
             (Quantity(size, "m").difference() if isfinite(size) else "no end of the motion", cause)
@@ -101,7 +103,6 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
         ("rig file", "as follows; in a scenario below [rig], with [rig.plant.names]"),
     ]
     screen.print_each(f"{name:{WIDTH}}{':' * (len(name) > WIDTH)} {text}" for name, text in facts)
-    settings = model_settings(file, rig)
     screen.print_each(rig_lines(file.as_posix(), rig, settings), indent="  ")
     listed = [difference._asdict() for difference in differences]
     screen.write_json(
@@ -115,6 +116,22 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
         }
     )
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
+
+
+def _pose(own: Any, ranges: dict[str, list[float]]) -> str:
+    """Return how the crane stands and swings in the pose of the file, and what of it is outside `ranges`."""
+    places = dict(zip(("bridge_range", "trolley_range", "rope_range"), own.rest[:6:2].tolist(), strict=True))
+    outside = [
+        f"; {name} of {places[name]:.4g} m is outside {low:g} to {high:g} m"
+        for name, (low, high) in ranges.items()
+        if not low <= places[name] <= high
+    ]
+    *at, rope = places.values()
+    return (
+        f"{{:.4g}} m along x, {{:.4g}} m along y, a rope of {rope:.4g} m that swings with "
+        f"{own.swing_period:.3g} s".format(*at)
+        + "".join(outside).replace("_range of", " at")
+    )
 
 
 def _print_log(log: Path, screen: Screen) -> None:

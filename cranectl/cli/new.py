@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cranectl import loaders, plants
+from cranectl import loaders
 from cranectl import scenario as scenario_files
 from cranectl.cli.command import Command
 from cranectl.cli.counts import Count
-from cranectl.cli.model_rig import model_settings, rig_lines
+from cranectl.cli.new_model import ModelFiles
 from cranectl.cli.new_workflow import workflow_text
 from cranectl.cli.output import Screen
 from cranectl.report import Cell, Table
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cranectl.simulate import Run
 
 MAP = "map"  # of measured files; NAME is such a file
-MODEL = "model"  # the rig of a model in MJCF; NAME is the model
+MODEL = "model"  # rig and scenario of a model in MJCF; NAME is the model
 EXPERIMENT = "experiment"  # set-points for a crane; NAME is its rig
 WORKFLOW = "workflow"  # of GitHub, for the repository in --in
 TEMPLATES = Path(__file__).parent / "templates"
@@ -79,7 +79,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
     cranectl new map monday.csv
 
     For a model NAME is a crane in MJCF. Its rig has the names that the geometry suggests, and the numbers
-    that the model has:
+    and limits that the model has. A scenario moves it:
 
     \b
     cranectl new model mine.xml
@@ -109,7 +109,10 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _write({directory / f"{Path(name).stem}-map.toml": measured_cranes.suggest_map(Path(name))})
         return
     if kind == MODEL:
-        _write_rig(Path(name), directory)
+        files = ModelFiles(Path(name), directory)
+        _write(files.texts)
+        for command in files.commands:
+            click.echo(command)
         return
     InputError.check_name(kind, name)
     if kind == WORKFLOW:
@@ -137,24 +140,6 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         click.echo("install pytest for the test: python -m pip install pytest")
     test = click.format_filename(directory / f"test_{module}.py")
     click.echo(f"try it: python -m pytest {shlex.quote(test)}")
-
-
-GUESSED = """\
-# Guessed from the geometry of {model}. Confirm what is in [plant.names]: where the rope leaves the
-# trolley (pivot), the point whose motion counts (load), and which actuator moves which axis. An axis without
-# an actuator is fixed.
-"""
-
-
-def _write_rig(model: Path, directory: Path) -> None:
-    """Write the rig of a model, and print how to look at it."""
-    rig, place = plants.OwnFile.guess_rig(model), directory / f"{model.stem}-rig.toml"
-    lines = rig_lines(
-        Path(relpath(model, directory)).as_posix(), rig, model_settings(model, rig), all_names=True
-    )
-    _write({place: GUESSED.format(model=model.name) + "".join(f"{line}\n" for line in lines)})
-    files = f"{shlex.quote(str(model))} --rig {shlex.quote(str(place))}"
-    click.echo(f"look at it: cranectl info {files}")
 
 
 def _propose(rig_name: str, directory: Path, seed: int, period: float | None) -> None:

@@ -30,7 +30,9 @@ from cranectl.tools import render
 @click.option("--fps", type=float, metavar="N", help="Pictures per second. Default: 25, .gif 10.")
 @click.option("--speed", type=float, metavar="X", help="Simulated seconds per second. Default: 1, real time.")
 @click.option(
-    "--camera", metavar="NAME", help="overview, side, top, or a camera of your own model. Default: overview."
+    "--camera",
+    metavar="NAME",
+    help="overview, side, top, or a camera of your own model, whose names go first. Default: overview.",
 )
 @click.option("--plots", is_flag=True, help="Error, angles, tension and distance of the plants beside it.")
 @Names.label_option

@@ -1,0 +1,71 @@
+"""`cranectl new model`: the rig and the first scenario that it writes are run as they are."""
+
+import shlex
+import tomllib
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from cranectl.cli.main import main
+from tests.cli.conftest import Command
+from tests.plants.own_models import MODELS, changed
+
+pytestmark = pytest.mark.usefixtures("in_empty_directory", "no_model_afterwards")
+
+WEAK = ('<motor name="bridge_drive"', '<motor name="bridge_drive" ctrlrange="-0.3 0.3"')
+STOPPED = ('range="-2 2"', 'range="0.5 2"')  # of a slider that stands at 0 in the file
+FAST, SLOW = ("delay", "planar", "hall"), ("one-body", "geared-motors", "no-sites", "keyframe", "filter")
+
+
+def told(text: str, what: str) -> list[str]:
+    """Return the words of the command after `what` in the output of `new`."""
+    (line,) = [line for line in text.splitlines() if line.startswith(f"{what}: cranectl ")]
+    return shlex.split(line)[line.split().index("cranectl") + 1 :]
+
+
+@pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+def test_a_model_moves_with_what_new_writes(name: str, output: Command) -> None:
+    """Only a model with a filter differs, of those in the list."""
+    Path("given").symlink_to(MODELS)
+    said = output("new", "model", f"given/{name}.xml", "--in", "mine")
+    assert sorted(path.name for path in Path("mine").iterdir()) == [f"{name}-rig.toml", f"{name}.toml"]
+    assert output(*told(said, "look at it"), code=1 if name == "filter" else 0)
+    scenario = tomllib.loads(Path(f"mine/{name}.toml").read_text())
+    start, (motion,) = scenario["reference"]["start"], scenario["reference"]["segments"]
+    assert motion["to"] != start
+    assert motion["kind"] == ("move" if name == "planar" else "line")
+    text = output(*told(said, "run it"))
+    assert f"logs/{name}/" in text
+    assert ("not judged" in text) == (name == "filter")
+
+
+def test_a_weak_motor_is_planned_for_and_judged_by_its_own_limit(output: Command) -> None:
+    """The cart has a motor of 1.2 N; from its size 15 N would be assumed."""
+    file = changed(MODELS / "planar.xml", Path(), WEAK, name="weak")
+    output("new", "model", str(file))
+    rig = tomllib.loads(Path("weak-rig.toml").read_text())
+    gear = abs(mujoco.MjModel.from_xml_path(str(file)).actuator_gear[0, 0])
+    assert rig["effects"]["limits"] == {"force": [0.3 * gear, 1e9, 1e9]}
+    run = ["run", "weak.toml", "--drive", "force", "--plants", "weak.xml,mujoco"]
+    gentle = output(*run)
+    assert "what its drive can do" not in gentle
+    assert "do not act" not in gentle, "the rig's limits are those of the model"
+    pushed = "disturbances=[{joint='beta', magnitude=8.0, start=6.0, end=6.1}]"
+    assert main([*run, "--set", pushed]) == 0
+    said = " ".join(output(*run, "--set", pushed).split())
+    assert "N of the bridge, " in said
+    assert "times what its drive can do: choose a gentler controller" in said
+    hint = said.split("what comes of it with ")[1]
+    options = shlex.split(hint[: hint.index("}'") + 2])
+    assert "force=[1.2, 1000000000.0, 1000000000.0]" in options[-1]
+    assert "what its drive can do" not in output("run", "weak.toml", "--set", pushed, *options)
+
+
+def test_a_cart_outside_its_stops_begins_between_them(output: Command) -> None:
+    file = changed(MODELS / "planar.xml", Path(), STOPPED, name="stopped")
+    said = output("new", "model", str(file))
+    x, _, _ = tomllib.loads(Path("stopped.toml").read_text())["reference"]["start"]
+    assert 0.5 < x < 0.8
+    shown = output(*told(said, "look at it"))
+    assert "bridge at 0.2 m is outside 0.7 to 2.2 m" in shown
