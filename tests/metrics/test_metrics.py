@@ -217,6 +217,25 @@ def test_work_is_the_change_of_energy(plant: str, drive: str) -> None:
     assert abs(gained) > 1.0
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_trolley_motor_takes_energy_along_y_alone(axis: int) -> None:
+    """Ideal drives move both cranes alike, half a second before the line ends."""
+    segments = "[{kind='line', to=[0.9, 0.6, -0.5], duration=2.0}]"
+    given = ["duration=2.0", "disturbances=[]", f"reference.segments={segments}", "effects.delay.seconds=0.0"]
+    whole = [
+        simulate_run(
+            load_scenario("settled-trajectory", overrides=[*given, f"rig.trolley_motor_mass={mass}"]),
+            plant="analytic", drive="ideal", controller="lqr",
+        )
+        for mass in (0.0, 3.0)
+    ]  # fmt: skip
+    runs = [cut(run, 3 * len(run.time_ns) // 4) for run in whole]
+    speed = runs[0].block("state")[-1, 2 * axis + 1]
+    assert abs(speed) > 0.05
+    without, with_motor = (run_metrics(run).drive_work_j[axis] for run in runs)
+    assert with_motor - without == pytest.approx(0.5 * 3.0 * speed**2 * axis, abs=1e-9)
+
+
 def test_power_of_drives_that_run_steadily(synthetic: Run) -> None:
     """Return the forces on the trolley as vectors: the rope's pull, and the reaction to a disturbance."""
     alpha, beta, tension, push = 0.3, -0.4, 12.0, np.array([0.7, -1.1])
