@@ -20,7 +20,7 @@ extern "C" {
 #define CRANECTL_EXPORT __attribute__((visibility("default")))
 #endif
 
-#define CRANECTL_ABI 4
+#define CRANECTL_ABI 5
 
 enum { CRANECTL_ACCELERATION, CRANECTL_VELOCITY, CRANECTL_FORCE }; /* commanded: m/s^2, m/s, N */
 enum { CRANECTL_PATH, CRANECTL_SET_POINT };                        /* followed; the latter: where a segment ends */
@@ -60,6 +60,7 @@ typedef struct {
 /* The crane for which a controller is prepared; it takes the real one for it. */
 typedef struct {
     double gravity, bridge_mass, trolley_mass, winch_mass, load_mass;
+    double trolley_motor_mass; /* moves along y alone, besides the trolley */
     double time_constants[3]; /* of velocity drives: bridge, trolley, winch [s] */
     double period;            /* between two steps [s] */
     double state[10];         /* at the start: x_c, y_c, l, alpha, beta, each with its rate */

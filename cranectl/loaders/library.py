@@ -31,7 +31,7 @@ class CSignal(Structure):
     _fields_ = (*((name, c_char_p) for name in ("name", "unit", "description")), ("place", c_int64))
 
 
-ABI = 4  # version of the interface
+ABI = 5  # version of the interface
 CHOICES = {
     "command": ("acceleration", "velocity", "force"),
     "follows": ("path", "set-point"),
@@ -59,7 +59,7 @@ class CDeclaration(Structure):
     )
 
 
-NUMBERS = ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass")
+NUMBERS = ("gravity", "bridge_mass", "trolley_mass", "winch_mass", "load_mass", "trolley_motor_mass")
 OF_RIG = (*NUMBERS, "time_constants")
 
 

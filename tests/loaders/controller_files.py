@@ -106,7 +106,7 @@ static cranectl_declaration D = {
 CRANECTL_EXPORT const cranectl_declaration *cranectl_controller(void) { DECLARED return &D; }
 int64_t cranectl_prepare(const cranectl_nominal *nominal, double *parameters, double *memory) {
     (void)memory;
-    parameters[2] = nominal->load_mass;
+    parameters[2] = nominal->READ_MASS;
     return nominal->load_mass > 5.0;
 }
 static int steps = 0;
@@ -130,9 +130,9 @@ def built(folder: Path, **replaced: str) -> Path:
     """Return a library in whose source words in capitals are replaced.
 
     `broken` in its step, `tuning` after the bounds of its stiffness, run when `loaded`; `more` ends its
-    declaration.
+    declaration. It is prepared with the rig's `read_mass`.
     """
-    usual = dict.fromkeys(("declared", "broken", "tuning", "loaded", "more"), "")
+    usual = dict.fromkeys(("declared", "broken", "tuning", "loaded", "more"), "") | {"read_mass": "load_mass"}
     text = C_LAW
     for name, part in (usual | {"step": "cranectl_step"} | replaced).items():
         text = text.replace(name.upper(), part)

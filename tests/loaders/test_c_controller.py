@@ -59,6 +59,20 @@ def test_a_library_gets_what_it_declares_to_read(reads: str, tmp_path: Path) -> 
     assert given == nominal.rig.load_mass if "load_mass" in reads else np.isnan(given)
 
 
+MASSES = {
+    "gravity": 9.7, "bridge_mass": 6.5, "trolley_mass": 2.25, "trolley_motor_mass": 3.5, "winch_mass": 0.75,
+    "load_mass": 1.25,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MASSES)
+def test_a_library_gets_each_number_of_the_crane(name: str, tmp_path: Path) -> None:
+    law = ALL_CONTROLLERS[open_controller(str(built(tmp_path, read_mass=name)))]
+    nominal = nominal_at(law, 0.8)
+    rig = nominal.rig.model_copy(update=MASSES)
+    assert law.prepare(nominal._replace(rig=rig))[0][2] == MASSES[name]
+
+
 @pytest.mark.parametrize(("every", "control"), [(1, 0.01), (2, 0.005)])
 def test_a_library_that_was_made_for_a_period_runs_with_no_other(
     every: int, control: float, tmp_path: Path

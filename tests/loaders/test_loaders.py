@@ -209,7 +209,7 @@ def test_a_process_is_kept_for_the_next_campaign(law: Path, monkeypatch: pytest.
     ("part", "text", "found"),
     [
         ("declared", "D.abi = 7;", "version 7 of the interface"),
-        ("declared", "D.abi = 3;", "version 3 of the interface, this is 4"),
+        ("declared", "D.abi = 4;", "version 4 of the interface, this is 5"),
         ("declared", "D.size = 8;", "8 bytes"),
         ("declared", "D.memory = -1;", "memory = -1"),
         ("declared", "abort();", "with SIGABRT"),
