@@ -13,7 +13,7 @@ import multiprocessing
 import os
 import pickle
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -70,16 +70,15 @@ class KernelCache(FunctionCache):
 
     _impl_class = _Files
 
-    def __init__(self, function: Callable[..., Any], sources: str) -> None:
+    def __init__(self, function: Callable[..., Any], sources: Sequence[Path]) -> None:
         super().__init__(function)
-        stamp = f"{_COMPILER}, sources {sources}"
-        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, stamp)
+        self._cache_file = _CheckedFile(self._cache_path, self._impl.filename_base, sources)
 
     @classmethod
     def attach(cls, compiled: Any, function: Callable[..., Any], *callees: Any) -> None:
         """Keep the code of `compiled` on disk, by all that `function` and `callees` are compiled from."""
-        files = (Path(inspect.getfile(inspect.unwrap(part))) for part in (function, *callees))
-        compiled._cache = cls(function, sources_digest(*files))
+        files = [Path(inspect.getfile(inspect.unwrap(part))) for part in (function, *callees)]
+        compiled._cache = cls(function, files)
 
     def load_overload(self, *arguments: Any) -> Any:
         loaded = None
@@ -99,6 +98,10 @@ class KernelCache(FunctionCache):
 
 class _CheckedFile(IndexDataCacheFile):
     """Numba's index and data files, each after a digest of its sources and its content."""
+
+    def __init__(self, folder: str, name: str, sources: Sequence[Path]) -> None:
+        super().__init__(folder, name, "")
+        self._sources = sources
 
     @contextlib.contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[BinaryIO]:
@@ -128,7 +131,11 @@ class _CheckedFile(IndexDataCacheFile):
         return body
 
     def _digest(self, body: bytes) -> bytes:
-        return hashlib.sha256(self._source_stamp.encode() + body).digest()
+        return hashlib.sha256(self._stamp.encode() + body).digest()
+
+    @functools.cached_property
+    def _stamp(self) -> str:  # found when the file is used: most kernels are only a part of others
+        return f"{_COMPILER}, sources {sources_digest(*self._sources)}"
 
 
 class _DamageError(Exception):

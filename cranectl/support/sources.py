@@ -9,6 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1]
 _IMPORT = re.compile(r"^\s*(?:from|import)\s+cranectl\b([.\w]*)(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
 _NAME = re.compile(r"(\w+)(?:\s+as\s+(\w+))?")  # what is imported, and as what
+_ATTRIBUTE = re.compile(r"\b(\w+)(?=\.(\w+))")
 _EXPORT = re.compile(r"^from \.([.\w]*) import (\w+)", re.MULTILINE)  # a line of a face, which is a stub file
 
 
@@ -55,8 +56,18 @@ def _imported(path: Path) -> frozenset[Path]:
 def _used_files(module: Path, name: str, text: str) -> set[Path]:
     """Return the files of a module, of which a face only loads what `text` reads off it as `name.NAME`."""
     homes = exported(module)
-    used = {homes[found] for found in set(re.findall(rf"\b{name}\.(\w+)", text)) & homes.keys()}
+    read = _read_off(text).get(name, set()) if homes else set()
+    used = {homes[found] for found in read & homes.keys()}
     return {module / "__init__.py", *used} if used else module_files(module)
+
+
+@functools.cache
+def _read_off(text: str) -> Mapping[str, set[str]]:
+    """Return what a source text reads off each name, as `name.NAME`."""
+    read: dict[str, set[str]] = {}
+    for name, attribute in _ATTRIBUTE.findall(text):
+        read.setdefault(name, set()).add(attribute)
+    return read
 
 
 def module_files(module: Path) -> set[Path]:
@@ -81,5 +92,6 @@ def _home(folder: Path, module: str, name: str) -> Path | None:
     return inner or _file(source / name) or _file(source)
 
 
+@functools.cache
 def _file(module: Path) -> Path | None:
     return next(filter(Path.is_file, (module.with_suffix(".py"), module / "__init__.py")), None)

@@ -13,6 +13,8 @@ import pytest
 from cranectl.support import directories, kernel_cache, sources
 from cranectl.support.jit import jit
 
+SOURCES = [Path(__file__)]
+
 
 @pytest.fixture(autouse=True)
 def fresh_cache_directory() -> object:
@@ -75,7 +77,7 @@ def test_code_of_another_user_is_never_run(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     here = os.geteuid()
     (tmp_path / f"cranectl-{here + 1}").mkdir()
-    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", "sources")
+    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", SOURCES)
     file.save("signature", "code")
     assert file.load("signature") == "code"
     monkeypatch.setattr(os, "geteuid", lambda: here + 1)
@@ -217,7 +219,7 @@ def test_a_damaged_cache_is_never_run_but_compiled_anew(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", [lambda _: b"", lambda _: b"garbage", flipped(0.1), flipped(0.98)])
 @pytest.mark.parametrize("suffix", ["nbc", "nbi"])
 def test_any_damage_is_found(tmp_path: Path, suffix: str, damage: Callable[[bytes], bytes]) -> None:
-    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", "sources")
+    file = kernel_cache._CheckedFile(str(tmp_path), "kernel", SOURCES)
     file.save("signature", "code")
     (path,) = tmp_path.glob(f"*.{suffix}")
     path.write_bytes(damage(path.read_bytes()))
@@ -229,7 +231,9 @@ def test_any_damage_is_found(tmp_path: Path, suffix: str, damage: Callable[[byte
 
 def test_code_of_other_sources_is_never_run(tmp_path: Path) -> None:
     """Two versions share a place: one renews a file between the other's reading of index and of data."""
-    file, other = (kernel_cache._CheckedFile(str(tmp_path), "kernel", f"sources {k}") for k in (1, 2))
+    changed = tmp_path / "changed.py"
+    changed.write_text("LENGTH = 1.0\n")
+    file, other = (kernel_cache._CheckedFile(str(tmp_path), "kernel", of) for of in (SOURCES, [changed]))
     file.save("signature", "code")
     assert file.load("signature") == "code"
     assert other.load("signature") is None
