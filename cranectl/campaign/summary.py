@@ -167,12 +167,21 @@ class Example(NamedTuple):
 
 
 def examples(results: Results, *, worst: int) -> tuple[Example, ...]:
-    """Return the `worst` runs of each plant and controller, then one run for each reason to stop."""
-    result = []
+    """Return the `worst` runs of each plant and controller, then one run for each reason to stop.
+
+    The worst are those farthest beyond each limit that is broken. Where none is, the largest errors count.
+    """
+    result, limits = [], results.campaign.settings.limits.given
+    broken = broken_limits(results.column, limits)
     for plant, controller in results.campaign.groups:
-        rows = results.rows(plant, controller)
-        shown = worst_first(results, MEASURE, rows)[:worst].tolist()
-        why = dict.fromkeys(shown, "largest error") | _stops(results, rows, shown)
+        rows, why = results.rows(plant, controller), dict[int, str]()
+        for metric in limits:
+            beyond = rows[broken[metric][rows]]
+            for row in worst_first(results, metric, beyond)[:worst].tolist():
+                why[row] = f"{why[row]}, {metric}" if row in why else f"beyond {metric}"
+        if not why:
+            why = dict.fromkeys(worst_first(results, MEASURE, rows)[:worst].tolist(), "largest error")
+        why |= _stops(results, rows, [*why])
         for row, reason in why.items():
             run = {name: results.row(row)[name] for name in ("sample", "status", "end_s", "max_error_m")}
             result.append(Example(plant=plant, controller=controller, why=reason, **run))
@@ -198,7 +207,7 @@ class Group:
     has_run: Mask  # whether the result has the run
     completed: Mask
     failed: Mask  # whether it did not complete, or broke a limit
-    metrics: dict[str, Array]  # MAIN_METRICS and EFFORT; NaN unless completed
+    metrics: dict[str, Array]  # limited ones, MAIN_METRICS and EFFORT; NaN unless completed
 
     @property
     def name(self) -> str:
@@ -210,11 +219,16 @@ class Group:
         return {"plant": self.plant, "controller": self.controller}
 
 
+def shown_metrics(results: Results) -> tuple[str, ...]:
+    """Return the metrics that a page shows: limited ones first, then the others of MAIN_METRICS."""
+    return tuple(dict.fromkeys((*results.campaign.settings.limits.given, *MAIN_METRICS)))
+
+
 def groups_of(results: Results) -> tuple[Group, ...]:
     """Return a group for each plant and controller, in the order of the campaign."""
     completed = results.column("status") == RunStatus.COMPLETED.label
     has_failed = failed(results.column, results.campaign.settings.limits.given)
-    metrics = {name: results.column(name).astype(np.float64) for name in MAIN_METRICS}
+    metrics = {name: results.column(name).astype(np.float64) for name in shown_metrics(results)}
     metrics[EFFORT] = effort(results.column)
     groups = []
     for plant, controller in results.campaign.groups:

@@ -12,9 +12,11 @@ import pytest
 
 from cranectl.campaign.commands.results import replay_campaign
 from cranectl.campaign.evaluation import Analysis
+from cranectl.campaign.failures import AllowedFailures, judge_failures
 from cranectl.campaign.replay import chosen_rows
 from cranectl.campaign.report.page import campaign_page
 from cranectl.campaign.results import Results
+from cranectl.campaign.summary import summarize
 from cranectl.campaign.table import METRIC_COLUMNS
 from cranectl.cli.main import main
 from cranectl.report.page import render
@@ -113,6 +115,61 @@ def test_whatever_the_runs_were_like_there_is_a_page(
     assert sections(page) == [name for name in EVERYTHING if name not in without.split(", ")]
     assert "nan" not in re.sub(r"<[^>]*>", "", page.lower().replace("analytic", "")).split()
     assert json.dumps(Analysis.json(analysis))
+
+
+def test_the_first_screen_tells_who_fails_at_which_limit() -> None:
+    """Heavy loads stop; of the others those above 1.3 kg break the limit on sway, which is in degrees."""
+
+    def swaying(values: np.ndarray, plant: str, controller: str) -> dict[str, np.ndarray]:
+        sway = {"max_sway_rad": 0.1 * values[:, 0] - 0.05 * (controller != "lqr")}
+        return noisy(values, plant, controller) | sway
+
+    results = synthetic_results(three(runs=64, limits={"max_sway_rad": 0.13}, **TWO), swaying)
+    analysis = Analysis.of(results)
+    screen = campaign_page(analysis, "made").first_screen
+    assert screen is not None
+    mass, stopped = analysis.values[:, 0], analysis.values[:, 0] > 1.4
+    broken = int(((mass > 1.3) & ~stopped).sum())
+    failing, stops = int((mass > 1.3).sum()), int(stopped.sum())
+    assert screen.verdict.text == f"{failing + stops} OF 128 FAIL"
+    assert (
+        screen.reason == f"{broken} runs break the limit largest sway ≤ 7.45°. {2 * stops} runs stop early."
+    )
+    assert [fact.value for fact in screen.facts] == [f"{failing} of 64 fail", f"{stops} of 64 fail"]
+    worst = [[cell.text for cell in row] for row in screen.tables[0].rows]
+    heaviest = int(np.argmax(mass))
+    assert worst[0][1:] == ["lqr", str(broken), f"{np.degrees(0.1 * mass.max()):#.3g}°", str(heaviest)]
+    (figure,) = screen.figures
+    others = np.median(mass[mass <= 1.3])
+    said = f"rig.load_mass [kg] is {np.median(mass[mass > 1.3]):.3g} where runs fail, and {others:.3g} else."
+    assert said in figure.caption
+    page = render(campaign_page(analysis, "made"))
+    shown = [re.sub("<[^>]*>", "", row) for row in re.findall(r"<tr>.*?</tr>", page)]
+    metrics = [row for row in shown if row.startswith(("largest sway [°]", "largest error [m]"))]
+    assert metrics[0].startswith("largest sway [°]"), "what is limited comes first"
+    why = [(example.controller, example.why) for example in analysis.worst]
+    assert why[:3] == [("lqr", "beyond max_sway_rad")] * 3
+    assert ("pole-placement", "largest error") in why
+    allowed = judge_failures(summarize(results), AllowedFailures.parse("99%"))
+    judged = campaign_page(analysis, "made", allowed).first_screen
+    assert judged is not None
+    assert judged.verdict.text == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("limits", "metrics", "badge"),
+    [
+        ({}, never_fails, "NO LIMITS SET"),
+        ({"max_error_m": 10.0}, never_fails, "ALL 32 PASS"),
+        ({"max_error_m": 10.0}, always_fails, "32 OF 32 FAIL"),
+        ({}, always_fails, "32 OF 32 FAIL"),
+    ],
+)
+def test_nothing_to_judge_is_no_pass(limits: dict[str, float], metrics: Any, badge: str) -> None:
+    results = synthetic_results(three(runs=32, limits=limits, **ONE), metrics)
+    screen = campaign_page(Analysis.of(results), "made").first_screen
+    assert screen is not None
+    assert screen.verdict.text == badge
 
 
 def test_too_few_base_points_for_sobol_indices_are_told() -> None:

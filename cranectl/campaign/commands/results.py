@@ -48,7 +48,9 @@ def report_campaign(
     results = campaigns.read_results(result, unfinished=unfinished)
     FileKind.HTML.check_place(page, option="--out")
     analysis = campaigns.Analysis.of(results)
-    campaigns.campaign_page(analysis, Command.given()).write(page)
+    allowed = judgement.allowed
+    verdicts = campaigns.judge_failures(campaigns.summarize(results), allowed) if allowed else ()
+    campaigns.campaign_page(analysis, Command.given(), verdicts).write(page)
     code = show_result(results, screen, judgement, campaigns.Analysis.json(analysis))
     screen.print(f"report: {page}")
     return code

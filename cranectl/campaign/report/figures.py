@@ -20,14 +20,17 @@ from cranectl.campaign.report.tables import METRIC_LABELS, CampaignTables
 from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
-from cranectl.campaign.summary import EFFORT, MAIN_METRICS, MEASURE, Group, failure_interval
+from cranectl.campaign.summary import EFFORT, MEASURE, Group, failure_interval
 from cranectl.metrics import Metric
 from cranectl.report import Chart
 from cranectl.support import Array, Mask
 
+_OTHERS = {"marker": "o", "markersize": 3.5, "color": Chart.STAND_IN["reference"], "label": "other runs"}
+_FAILED = {"marker": "X", "markersize": 5.5, "color": Chart.STAND_IN["limit"], "label": "failed runs"}
 Rows = NDArray[np.intp]
 BANDS = 12  # ranges of a parameter, at least 8 runs each
 RATES = 8
+MAX_MARKS = 150  # failed runs of a panel, and others
 RISES, FALLS, BENT = Chart.SERIES[1], Chart.SERIES[0], Chart.SERIES[2]
 
 
@@ -45,22 +48,22 @@ class CampaignFigures:
     @staticmethod
     def distributions(groups: Sequence[Group], limits: dict[str, float]) -> Figure:
         """Draw the distribution functions of all metrics, a curve for each controller on one plant."""
-        lines = -(-len(MAIN_METRICS) // 3)
+        metrics = [metric for metric in groups[0].metrics if metric != EFFORT]
+        lines = -(-len(metrics) // 3)
         figure, panels = Chart.canvas(1.35 * Chart.WIDTH, 2.4 * lines, lines, 3, sharey=True, squeeze=False)
-        for axes in panels.flat[len(MAIN_METRICS) :]:
+        for axes in panels.flat[len(metrics) :]:
             axes.set_visible(False)
-        for axes, metric in zip(panels.flat, MAIN_METRICS, strict=False):
+        for axes, metric in zip(panels.flat, metrics, strict=False):
             for k, group in enumerate(groups):
-                values = group.metrics[metric][group.has_run]
+                values = CampaignTables.shown(metric, group.metrics[metric][group.has_run])
                 x, share = empirical_distribution(values)
                 if Metric.low_is_bad(metric):
                     share = share + np.isnan(values).sum() / max(1, values.size)
-                label = group.controller if metric == MEASURE else None
+                label = group.controller if metric == metrics[0] else None
                 axes.step(x, share, where="post", label=label, **CampaignFigures.style(k))
             if metric in limits:
-                axes.axvline(
-                    limits[metric], color=Chart.STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2))
-                )
+                limit = CampaignTables.shown(metric, limits[metric])
+                axes.axvline(limit, color=Chart.STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2)))
             axes.set(xlabel=METRIC_LABELS[metric], ylim=(0.0, 1.02))
             axes.xaxis.set_major_locator(MaxNLocator(4))
             if all(np.isnan(group.metrics[metric]).all() for group in groups):
@@ -70,6 +73,43 @@ class CampaignFigures:
         for axes in panels[:, 0]:
             axes.set_ylabel("share of runs")
         figure.legend(loc="outside upper center", ncols=len(Chart.SERIES))
+        return figure
+
+    @staticmethod
+    def failed_runs(analysis: Analysis, parts: Sequence[GroupAnalysis], columns: Sequence[int]) -> Figure:
+        """Draw failed and other runs over two parameters, a panel for each controller on one plant.
+
+        Of a single parameter they are drawn over it, by the first metric of the page.
+        """
+        campaign, lines = analysis.results.campaign, -(-len(parts) // 2)
+        names = [campaign.names[column] for column in columns]
+        figure, grid = Chart.canvas(
+            Chart.WIDTH, 0.5 + 2.6 * lines, lines, min(2, len(parts)), sharex=True, sharey=True, squeeze=False
+        )
+        metric = next(iter(parts[0].group.metrics))
+        for axes, part in zip(grid.flat, parts, strict=False):
+            group, values = part.group, analysis.values
+            x = values[:, columns[0]]
+            y = values[:, columns[1]] if columns[1:] else CampaignTables.shown(metric, group.metrics[metric])
+            for bad, style in ((False, _OTHERS), (True, _FAILED)):
+                rows = np.flatnonzero(group.has_run & (group.failed == bad))
+                rows = rows[:: max(1, -(-rows.size // MAX_MARKS))]
+                axes.plot(x[rows], y[rows], linestyle="none", **style)
+            axes.set_title(group.controller)
+            for which, name in zip("xy", names, strict=False):
+                if isinstance(campaign.parameters[campaign.names.index(name)].distribution, LogUniform):
+                    getattr(axes, f"set_{which}scale")("log")
+        for axes in grid.flat[len(parts) :]:
+            axes.set_visible(False)
+        labels = [CampaignTables.parameter_label(campaign, name) for name in names]
+        for axes in grid[-1]:
+            axes.set_xlabel(labels[0])
+            if axes.get_xscale() == "log":
+                Chart.label_log_axis(axes)
+        for axes in grid[:, 0]:
+            axes.set_ylabel(labels[1] if columns[1:] else METRIC_LABELS[metric])
+        handles, texts = grid.flat[0].get_legend_handles_labels()
+        figure.legend(handles, texts, loc="outside upper center", ncols=2)
         return figure
 
     @staticmethod

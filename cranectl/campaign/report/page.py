@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.failures import FailureVerdict
 from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.report.figures import CampaignFigures
+from cranectl.campaign.report.first_screen import first_screen_of
 from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
@@ -22,8 +24,8 @@ COLUMN = MAIN_METRICS.index(MEASURE)
 FAINT = 1e-6  # strength of a correlation that may be chance
 
 
-def campaign_page(analysis: Analysis, remade_by: str) -> Page:
-    """Return the page of a campaign."""
+def campaign_page(analysis: Analysis, remade_by: str, verdicts: Sequence[FailureVerdict] = ()) -> Page:
+    """Return the page of a campaign; `verdicts` are those on its failures, if they were judged."""
     settings = analysis.results.campaign.settings
     sections = [
         _outcome(analysis),
@@ -34,7 +36,8 @@ def campaign_page(analysis: Analysis, remade_by: str) -> Page:
         *_failures(analysis),
         _uncertainty(analysis),
     ]
-    return Page(f"Campaign {settings.name}", settings.title, tuple(sections), remade_by)
+    title, lead = (settings.title, settings.name) if settings.title else (settings.name, "")
+    return Page(title, lead, tuple(sections), remade_by, first_screen_of(analysis, verdicts))
 
 
 def _outcome(analysis: Analysis) -> Section:

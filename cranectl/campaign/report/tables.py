@@ -5,6 +5,7 @@ Labels of metrics and parameters, and the format of numbers, are here too.
 
 import shlex
 from collections.abc import Callable, Sequence
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,25 @@ from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE,
 from cranectl.campaign.table import FAILED, describe
 from cranectl.metrics import Metric
 from cranectl.report import Cell, Table
+from cranectl.support import Quantity
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures
-METRIC_LABELS = {m.name: f"{m.compared} [{m.unit}]" for m in Metric.all() if m.compared}
+
+
+def _label(metric: Metric) -> str:
+    """Return the label of a metric that comparisons leave out: "sway, max" is the largest sway."""
+    what, _, which = metric.row.label.partition(", ")
+    return f"largest {what}" if which == "max" else metric.row.label or metric.name
+
+
+# Factor and unit in which metrics are shown: angles in degrees, as everywhere.
+_SHOWN = {m.name: (degrees(1.0), "°") if m.unit == "rad" else (1.0, m.unit) for m in Metric.all()}
+METRIC_LABELS = {
+    m.name: f"{m.compared or _label(m)} [{_SHOWN[m.name][1]}]"
+    for m in Metric.all()
+    if m.compared or m.limited
+}
 METRIC_LABELS[EFFORT] = "effort [m/s²]"
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 
@@ -35,6 +51,19 @@ class CampaignTables:
     def metric_name(metric: str) -> str:
         """Return the label of a metric without its unit."""
         return METRIC_LABELS[metric].partition(" [")[0]
+
+    @staticmethod
+    def shown(metric: str, values: Any) -> Any:
+        """Return values of a metric, a number or an array, in the unit of its label."""
+        factor, _ = _SHOWN.get(metric, (1.0, ""))
+        return values if factor == 1.0 else factor * np.asarray(values)
+
+    @staticmethod
+    def quantity(metric: str, value: float | None) -> str:
+        """Return a value of a metric with its unit; a dash without a value."""
+        if value is None or value != value:
+            return "–"
+        return Quantity(float(CampaignTables.shown(metric, value)), _SHOWN[metric][1]).text()
 
     @staticmethod
     def parameter_label(campaign: Campaign, name: str) -> str:
@@ -101,9 +130,9 @@ class CampaignTables:
     def quantiles(parts: Sequence[GroupAnalysis]) -> Table:
         """Return the quantiles of every metric over completed runs, by metric and controller."""
         rows = []
-        for metric in (*MAIN_METRICS, EFFORT):
+        for metric in parts[0].group.metrics:
             for part in parts:
-                values = part.group.metrics[metric]
+                values = CampaignTables.shown(metric, part.group.metrics[metric])
                 least, largest = CellText.ends(values)
                 spread, runs = (
                     map(CampaignTables.number, (least, *quantiles(values), largest)),
@@ -156,14 +185,20 @@ class CampaignTables:
     @staticmethod
     def one_at_a_time(part: GroupAnalysis) -> Table:
         """Return a table with every step of a one-at-a-time design."""
-        nominal = [part.group.metrics[metric][0] for metric in MAIN_METRICS]
+        nominal = np.array([part.group.metrics[metric][0] for metric in MAIN_METRICS])
         steps: list[tuple[Any, ...]] = [("nominal", "", "0", nominal)]
         steps += [
             (s.parameter, CampaignTables.number(s.value, 4), str(s.sample), s.metrics)
             for s in part.one_at_a_time
         ]
         rows = [
-            Cell.row(*texts, *(CampaignTables.number(float(value), 4) for value in values))
+            Cell.row(
+                *texts,
+                *(
+                    CampaignTables.number(float(CampaignTables.shown(metric, value)), 4)
+                    for metric, value in zip(MAIN_METRICS, values, strict=True)
+                ),
+            )
             for *texts, values in steps
         ]
         headings = ("parameter", "value", "sample", *(METRIC_LABELS[metric] for metric in MAIN_METRICS))
@@ -188,8 +223,8 @@ class CampaignTables:
             )
         headings = ("plant", "controller", "why", "replay", "sample", "ended", "at [s]", "largest error [m]")
         note = (
-            "The largest errors, for stopped runs until they stopped; "
-            "then one run for each other way to stop."
+            "The runs farthest beyond each limit that is broken, or else the largest errors. The error of a "
+            "stopped run is that until it stopped. Then comes one run for each other way to stop."
         )
         return Table("Runs worth a look", headings, tuple(rows), labels=4, note=note)
 
@@ -222,7 +257,7 @@ class CampaignTables:
             for difference in pair.differences:
                 better = one if difference.second_better > difference.first_better else other
                 spread, share = (
-                    map(CampaignTables.number, difference.quantiles),
+                    map(CampaignTables.number, CampaignTables.shown(difference.metric, difference.quantiles)),
                     CampaignTables.percent(difference.better_share),
                 )
                 texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)
