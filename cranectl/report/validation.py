@@ -16,7 +16,7 @@ from cranectl.report.run.differences import DifferenceTables
 from cranectl.report.run.first_screen import BADGES
 from cranectl.report.run.tables import RunTables
 from cranectl.report.table import Cell, Table
-from cranectl.report.validation_input import facts_of_input, masses_of, motion_text
+from cranectl.report.validation_input import facts_of_masses, made_with, masses_of, motion_text
 from cranectl.scenario import Drawing, Scenario
 from cranectl.support import Quantity
 
@@ -97,6 +97,7 @@ class ValidationPage:
                 )
             runs = replace(RunTables.runs({"": validation.runs}), folded=True)
             sections.append(Section("runs", "Runs", (), (runs,)))
+        sections.append(Section("made", "Made with", (), (made_with(validation),)))
         title, lead = (scenarios[0].title, scenarios[0].motion) if single else ("Validation", "")
         return Page(title, lead or _what_was_run(validation), tuple(sections), remade_by, screen)
 
@@ -203,7 +204,7 @@ def _facts(validation: Validation, scenarios: Sequence[ScenarioVerdict]) -> Iter
         yield Fact(
             "Difference between plants", Quantity(apart.max_load_error_m, "m").difference(), allowed, mark
         )
-    yield from facts_of_input(validation, [verdict.scenario for verdict in scenarios if verdict.scenario])
+    yield from facts_of_masses([verdict.scenario for verdict in scenarios if verdict.scenario])
 
 
 def _what_was_run(validation: Validation) -> str:

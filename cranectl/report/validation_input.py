@@ -10,6 +10,7 @@ from cranectl.cases import Validation
 from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.reference import Trajectory
 from cranectl.report.page import Fact
+from cranectl.report.table import Cell, Table
 from cranectl.scenario import Scenario
 from cranectl.support import Provenance
 
@@ -17,19 +18,26 @@ PATH_SAMPLES = 2001  # of a reference whose length is shown
 TONNE = 1000.0  # [kg] from which on a mass is shown in tonnes
 
 
-def facts_of_input(validation: Validation, scenarios: Sequence[Scenario]) -> Iterator[Fact]:
-    """Yield the masses, if all cranes have the same, and from what the page can be made again."""
+def facts_of_masses(scenarios: Sequence[Scenario]) -> Iterator[Fact]:
+    """Yield the masses, if all cranes have the same."""
     masses = {masses_of(scenario) for scenario in scenarios}
     if len(masses) == 1:
         load, others = masses.pop()
         yield Fact("Load", load, others)
     elif masses:
         yield Fact("Loads", f"{len(masses)} cranes", "each scenario below states its masses")
+
+
+def made_with(validation: Validation) -> Table:
+    """Return by what the page can be made again: digests of all that was judged, and the version."""
     controllers = ALL_CONTROLLERS.digests(dict.fromkeys(case.controller for case in validation.cases))
-    remark = "; ".join(["of scenarios, controllers and sources", *map(" ".join, controllers.items())])
-    yield Fact("Digest", input_digest(validation, controllers), remark)
     versions = Provenance.now()
-    yield Fact("cranectl", versions["cranectl"], f"sources {versions['sources']}")
+    facts = {
+        "digest of all that was judged": input_digest(validation, controllers),
+        **controllers,
+        "cranectl": f"{versions['cranectl']}, sources {versions['sources']}",
+    }
+    return Table("", ("", ""), tuple(Cell.row(*fact) for fact in facts.items()), labels=2)
 
 
 def masses_of(scenario: Scenario) -> tuple[str, str]:

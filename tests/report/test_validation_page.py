@@ -152,7 +152,7 @@ def test_of_many_cases_that_fail_the_least_are_folded(monkeypatch: pytest.Monkey
     assert "2 of 2 cases fail; the worst is lqr with ideal drives." in text
 
 
-def test_the_facts_tell_masses_digest_and_version() -> None:
+def test_the_page_tells_masses_and_at_its_foot_digest_and_version() -> None:
     outcome = result(run("mujoco", KEPT))
     heavier = Case.of(load_scenario("ship-to-shore", overrides=["rig.load_mass=15e3"]), plants=PLANTS)
     digests = set()
@@ -162,10 +162,13 @@ def test_the_facts_tell_masses_digest_and_version() -> None:
         facts = {fact.name: fact for fact in page.first_screen.facts}
         load = "15 t" if made is heavier else "20 t"
         assert (facts["Load"].value, facts["Load"].remark) == (load, "trolley 25 t, bridge 600 t")
-        assert facts["cranectl"].value == version("cranectl")
-        assert re.fullmatch("[0-9a-f]{16}", facts["Digest"].value)
+        made_with = {row[0].text: row[1].text for row in page.sections[-1].tables[0].rows}
+        assert made_with["cranectl"].startswith(f"{version('cranectl')}, sources ")
+        digest = made_with["digest of all that was judged"]
+        assert re.fullmatch("[0-9a-f]{16}", digest)
+        assert digest in text
         assert all(shown in text for fact in facts.values() for shown in (fact.value, fact.remark))
-        digests.add(facts["Digest"].value)
+        digests.add(digest)
     assert len(digests) == 3, "one for each input"
     _, text = page_of(validation((case(), outcome), (case("workshop-move"), outcome)))
     assert "Load 20 t, trolley 25 t, bridge 600 t." in text

@@ -209,7 +209,9 @@ def _when(run: Run, values: Array) -> str:
 
 
 def _millimetres(length: float) -> str:
-    """Return a length [m] in mm with three digits, whatever its size."""
+    """Return a length [m] in mm with three digits, from a metre on in m."""
+    if length >= 1.0:
+        return f"{length:.3g} m"
     size = 1e3 * length
     if 0.0 < size < MIN_SHOWN_MM:
         return f"< {MIN_SHOWN_MM:g} mm"
