@@ -91,12 +91,12 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
         *((key.replace("_", " "), name) for key, name in names if name),
         (
             "drives",
-            f"take {own.servo}{late}; an axis moves them {ratios} times as fast",
+            f"take {own.servo}{late}; gears or falls: {ratios}",
         ),
-        ("pose of the file", _pose(own, settings["ranges"])),
-        *((difference.text, difference.meaning) for difference in differences),
+        ("pose of the file", _pose(own)),
+        *((d.text, f"{d.meaning}{f'; {d.line}' * bool(d.line)}") for d in differences),
         *(
-            (Quantity(size, "m").difference() if isfinite(size) else "no end of the motion", cause)
+            (Quantity(size, "m").difference() if size < own.rest[4] else f"> {own.rest[4]:.3g} m", cause)
             for cause, size in sizes
         ),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
@@ -118,19 +118,14 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
     return ExitCode.LIMIT_EXCEEDED if differences and not as_is else ExitCode.GOOD
 
 
-def _pose(own: Any, ranges: dict[str, list[float]]) -> str:
-    """Return how the crane stands and swings in the pose of the file, and what of it is outside `ranges`."""
-    places = dict(zip(("bridge_range", "trolley_range", "rope_range"), own.rest[:6:2].tolist(), strict=True))
-    outside = [
-        f"; {name} of {places[name]:.4g} m is outside {low:g} to {high:g} m"
-        for name, (low, high) in ranges.items()
-        if not low <= places[name] <= high
-    ]
-    *at, rope = places.values()
+def _pose(own: Any) -> str:
+    """Return how the crane stands and swings in the pose of the file."""
+    x, y, rope = own.rest[:6:2].tolist()
+    joints = [own.model.joint(joint).name or str(joint) for joint in own.moved_joints]
+    moved = f", with {' and '.join(joints)} in the middle of its range" if joints else ""
     return (
-        f"{{:.4g}} m along x, {{:.4g}} m along y, a rope of {rope:.4g} m that swings with "
-        f"{own.swing_period:.3g} s".format(*at)
-        + "".join(outside).replace("_range of", " at")
+        f"{x:.4g} m along x, {y:.4g} m along y{moved}; on a rope of {rope:.4g} m the load swings with "
+        f"{own.swing_period:.3g} s"
     )
 
 

@@ -59,7 +59,21 @@ ENDINGS = {
     metavar="SECONDS",
     help="Of an experiment's set-points. Default: 0.005 on the laboratory rig, longer on larger ones.",
 )
-def new_command(kind: str, name: str, directory: Path, seed: int | None, period: float | None) -> None:
+@click.option(
+    "--set",
+    "overrides",
+    metavar="KEY=VALUE",
+    multiple=True,
+    help="Of a model: what is known, such as rig.plant.names.load=hook; repeatable.",
+)
+def new_command(
+    kind: str,
+    name: str,
+    directory: Path,
+    seed: int | None,
+    period: float | None,
+    overrides: tuple[str, ...],
+) -> None:
     """Write a small working example of a file, with its test.
 
     NAME has lower case letters, digits and hyphens. Existing files are never replaced. The test runs
@@ -83,6 +97,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
 
     \b
     cranectl new model mine.xml
+    cranectl new model mine.xml --set rig.plant.names.load=hook
 
     For an experiment NAME is the rig of your crane. The files are set-points for its drives: play them,
     record the crane, and let cranectl identify fit its numbers. Each run keeps the rig's workspace and
@@ -97,10 +112,16 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
     \b
     cranectl new workflow test
     """
-    for option, value in (("--seed", seed), ("--period", period)):
-        if value is not None and kind != EXPERIMENT:
+    options = (
+        ("--seed", seed, EXPERIMENT),
+        ("--period", period, EXPERIMENT),
+        ("--set", overrides or None, MODEL),
+    )
+    for option, value, of in options:
+        if value is not None and kind != of:
+            article = "an" if of == EXPERIMENT else "a"
             raise InputError(
-                f"{option} for a {kind}", allowed=f"{option} for an experiment", remedy=f"leave {option} out"
+                f"{option} for a {kind}", allowed=f"{option} for {article} {of}", remedy=f"leave {option} out"
             )
     if kind == EXPERIMENT:
         _propose(name, directory, seed or 0, period)
@@ -109,7 +130,7 @@ def new_command(kind: str, name: str, directory: Path, seed: int | None, period:
         _write({directory / f"{Path(name).stem}-map.toml": measured_cranes.suggest_map(Path(name))})
         return
     if kind == MODEL:
-        files = ModelFiles(Path(name), directory)
+        files = ModelFiles(Path(name), directory, overrides)
         _write(files.texts)
         for command in files.commands:
             click.echo(command)

@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from os.path import relpath
 from pathlib import Path
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 TRAVEL = (0.2, 0.15, 0.1)  # of bridge, trolley and rope, in lengths of the rope
 MARGIN = 0.1  # at most, to the ends of a range, as a share of it
+EXACT = 12  # digits of a place that the model's joints must reach
 SWINGS = 3  # duration of the motion and of the rest after it, in periods of the free swing
 RIG = """\
 # Guessed from the geometry of {model}. Confirm what is in [plant.names]: where the rope leaves the
@@ -49,13 +50,14 @@ SEGMENT = """
 class ModelFiles:
     """The rig and the first scenario of a model, to be written to a directory.
 
+    `overrides` such as "rig.plant.names.load=hook" replace what is guessed.
     Raises InputError if the model is no crane that can be run.
     """
 
-    def __init__(self, model: Path, directory: Path) -> None:
+    def __init__(self, model: Path, directory: Path, overrides: Sequence[str] = ()) -> None:
         self.model = model
         self.rig, self.scenario = (directory / f"{model.stem}{end}.toml" for end in ("-rig", ""))
-        guessed = plants.OwnFile.guess_rig(model)
+        guessed = plants.OwnFile.guess_rig(model, overrides)
         self.own = plants.open_model(model, guessed.model_names)
         settings = model_settings(model, guessed)
         lines = rig_lines(Path(relpath(model, directory)).as_posix(), guessed, settings, all_names=True)
@@ -88,10 +90,13 @@ class ModelFiles:
         """Yield scenarios with motions, and last one with none; they keep `clearance` from ends of ranges."""
         low, high = rig.workspace.T
         margin = np.minimum(MARGIN * (high - low), clearance)
-        place = np.clip(self.own.rest[:6:2], low + margin, high - margin).round(4)
+        rest = self.own.rest[:6:2].round(EXACT)
+        place = np.clip(rest, low + margin, high - margin)
+        place = np.where(place == rest, rest, place.round(4))
         way = place[2] * np.array(TRAVEL) * rig.moves
         towards = np.where(rig.workspace.mean(axis=1) < place, -1.0, 1.0)
         end = np.clip(place + towards * way, low + margin, high - margin).round(4)
+        end = np.where(rig.moves, end, place)
         start, end = ((point * [1.0, 1.0, -1.0] + 0.0).tolist() for point in (place, end))
         seconds = math.ceil(SWINGS * self.own.swing_period)
         segments = {

@@ -111,7 +111,7 @@ def nominal_crane(
         reference = Trajectory.of(nominal.reference).set_points(planned.time_ns / NANOSECONDS)
         ropes = -reference[:, Z]
     if nominal.rig.rope == "fixed":
-        _check_fixed_rope(controller, ropes, planned.time_ns)
+        _check_fixed_rope(controller, design.name, ropes, planned.time_ns)
     return Nominal(
         rig=nominal.limited_rig,
         drive=drive,
@@ -123,11 +123,14 @@ def nominal_crane(
     )
 
 
-def _check_fixed_rope(controller: Controller, ropes: Array, time_ns: NDArray[np.int64]) -> None:
-    """Raise InputError if `controller` or its reference, with these lengths of rope [m], needs a winch."""
+def _check_fixed_rope(controller: Controller, name: str, ropes: Array, time_ns: NDArray[np.int64]) -> None:
+    """Raise InputError if `controller` or its reference, with these lengths of rope [m], needs a winch.
+
+    `name` is that of the design.
+    """
     if controller.needs_winch:
         raise InputError(
-            f"controller {controller.name} on a crane with rig.rope = 'fixed'",
+            f"controller {name} on a crane with rig.rope = 'fixed'",
             allowed="controllers that need no winch: with a fixed rope no crane is differentially flat",
             remedy="take lqr-integral, pid or a controller of your own, or set rig.rope to 'hoisted'",
         )

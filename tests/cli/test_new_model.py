@@ -65,7 +65,22 @@ def test_a_weak_motor_is_planned_for_and_judged_by_its_own_limit(output: Command
 def test_a_cart_outside_its_stops_begins_between_them(output: Command) -> None:
     file = changed(MODELS / "planar.xml", Path(), STOPPED, name="stopped")
     said = output("new", "model", str(file))
-    x, _, _ = tomllib.loads(Path("stopped.toml").read_text())["reference"]["start"]
-    assert 0.5 < x < 0.8
+    assert tomllib.loads(Path("stopped.toml").read_text())["reference"]["start"] == [1.45, 0.0, -0.5]
     shown = output(*told(said, "look at it"))
-    assert "bridge at 0.2 m is outside 0.7 to 2.2 m" in shown
+    assert "1.45 m along x, 0 m along y, with slider in the middle of its range" in shown
+    assert output(*told(said, "run it"))
+
+
+def test_what_is_known_need_not_be_guessed(output: Command, refusal: Command) -> None:
+    given = ["--set", "rig.plant.names.keyframe=hanging", "--set", "rig.axes=x"]
+    output("new", "model", str(MODELS / "keyframe.xml"), *given)
+    rig = tomllib.loads(Path("keyframe-rig.toml").read_text())
+    assert rig["axes"] == "x"
+    assert rig["plant"]["names"]["keyframe"] == "hanging"
+    assert "trolley_drive" not in rig["plant"]["names"]
+    assert "no actuator named 'other'" in refusal(
+        "new", "model", str(MODELS / "tendon.xml"), "--set", "rig.plant.names.winch_drive=other"
+    )
+    mass = ("new", "model", str(MODELS / "tendon.xml"), "--set", "rig.load_mass=2")
+    assert "leave it out, and write it into the rig" in refusal(*mass)
+    assert "leave --set out" in refusal("new", "rig", "mine", "--set", "rig.axes=x")

@@ -18,6 +18,7 @@ SLIDE = 'joint name="trolley_position" type="slide" axis="0 1 0'
 GRAVITY = 'gravity="0 0 -9.81"'
 OFF = (GRAVITY, f'{GRAVITY} actuatorgroupdisable="3"')
 MUSCLE = f'muscle {DRIVEN} joint="bridge_position" lengthrange="0 1"'
+RANGE = (' range="0.2 1.4"', "")  # in whose middle the hoist would be
 UPWARDS = "let its z axis point upwards"
 SI = "SI units: m, kg, s and N"
 PLAIN = "write bridge_drive as <velocity>, <position> or <motor>"
@@ -25,7 +26,7 @@ HELD = "let ctrlrange of {} include {}, and its forcerange, or the actuatorfrcra
 KINDS = "change the actuators in the file"
 HANG = "let the load hang in the file, or exchange the names of pivot and load"
 GUIDED = "change joint '{}' in the file: the pivot may only slide along x and y"
-SITES = "move one of the two sites in the file"
+SITES = "name other points, move one of the two in the file"
 BACK = "give {} a kp and kv of at least 0"
 X, Y = '<joint name="x" type="slide" axis="1 0 0"/>', '<joint name="y" type="slide" axis="0 1 0"/>'
 ALPHA, BETA = (
@@ -215,11 +216,11 @@ WRONG = {
     ],
     "keyframe": [
         (
-            [],
+            [RANGE],
             "in the pose of the file, a rope of 0 m",
             "begin at a keyframe: add --set rig.plant.names.keyframe=hanging",
         ),
-        ([("0.75", "-0.75")], "in the pose of the file, a rope of 0 m", HANG),
+        ([RANGE, ("0.75", "-0.75")], "in the pose of the file, a rope of 0 m", HANG),
     ],
     "geared-motors": [
         (

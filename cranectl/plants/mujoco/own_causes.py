@@ -30,7 +30,7 @@ class Cause(NamedTuple):
 def causes_of(own: OwnModel) -> list[Cause]:
     """Return what may keep the model from moving as the rigid crane does."""
     kept = (*_uncommanded(own), *_geometry(own), *_armatures(own.model))
-    return [*_forces(own.model), *_masses(own), *(Cause(text, None) for text in kept)]
+    return [*_forces(own.model), *_masses(own), *_sinking(own), *(Cause(text, None) for text in kept)]
 
 
 def _forces(model: mujoco.MjModel) -> Iterator[Cause]:
@@ -54,6 +54,14 @@ def _forces(model: mujoco.MjModel) -> Iterator[Cause]:
     for part in ("density", "viscosity"):
         if getattr(model.opt, part):
             yield Cause(f"{part} of the air", partial(_clear_option, part))
+
+
+def _sinking(own: OwnModel) -> Iterator[Cause]:
+    """Yield the weight that a velocity drive of the winch does not hold."""
+    if own.servo == "velocity" and own.has_winch:
+        drive, needed = int(own.drives[-1]), -own.load_mass * own.gravity / own.ratios[-1]
+        if abs(own.model.actuator_biasprm[drive, 0] - needed) > IGNORED * abs(needed):
+            yield Cause("a winch that does not hold the weight", partial(_hold, drive, float(needed)))
 
 
 def _masses(own: OwnModel) -> Iterator[Cause]:
@@ -146,6 +154,10 @@ def _place(model: mujoco.MjModel, k: int, array: str) -> slice:
 def _scale(arrays: tuple[str, ...], place: slice, factor: float, model: mujoco.MjModel) -> None:
     for array in arrays:
         getattr(model, array)[place] *= factor
+
+
+def _hold(drive: int, force: float, model: mujoco.MjModel) -> None:
+    model.actuator_biasprm[drive, 0] = force
 
 
 def _clear_option(part: str, model: mujoco.MjModel) -> None:

@@ -34,6 +34,8 @@ class ModelDifference(NamedTuple):
     size: float  # [m/s²]; 0 for drives of another kind
     meaning: str
 
+    line: str = ""  # to be written into the file, if one is known
+
     @property
     def text(self) -> str:
         """What differs and by how much."""
@@ -48,23 +50,22 @@ def find_differences(own: OwnModel) -> tuple[ModelDifference, ...]:
     excess = np.max([_excess(own, *pair) for pair in zip(_random_states(own), unseen, strict=True)], axis=0)
     known = [cause.text for cause in causes_of(own)]
     causes = ", ".join([*known, "or further masses or forces"]) if known else "further masses or forces"
-    rests = [f"it accelerates while its drives rest: {causes}"] * len(AXES)
+    rest, line = f"it accelerates while its drives rest: {causes}", ""
     if bias := _holding_bias(own):
         gain = own.model.actuator_gainprm[own.drives[-1], 0]
-        rests[WINCH] = (
-            f"it accelerates while its drives rest: {', '.join(known)}{', or ' * bool(known)}"
-            f'does the winch hold the weight? As <general gainprm="{gain:g}" biastype="affine" '
-            f'biasprm="{bias}"/> it does.'
-        )
+        general = f'<general gainprm="{gain:g}" biastype="affine" biasprm="{bias}"/>'
+        line = f"as {general} the winch holds the weight"
     driven = [AXES[axis] for axis in own.axes]
     meanings = [f"drive and rope do not explain how the {axis} accelerates: {causes}" for axis in driven]
     meanings.append(f"the load does not swing as a point on a massless rope: {causes}")
     sized = [
-        *((f"{axis} at rest", size, rest) for axis, size, rest in zip(AXES, unrest, rests, strict=True)),
+        *((f"{axis} at rest", size, rest) for axis, size in zip(AXES, unrest, strict=True)),
         *zip((*driven, "swing"), excess, meanings, strict=True),
     ]
     differences = [
-        ModelDifference(what, float(size), why) for what, size, why in sized if not size <= EXPLAINED
+        ModelDifference(what, float(size), why, line if what == f"{AXES[WINCH]} at rest" else "")
+        for what, size, why in sized
+        if not size <= EXPLAINED
     ]
     if own.servo not in ("velocity", "force"):
         differences.append(ModelDifference("position servos", 0.0, "drives of other plants take velocities"))

@@ -3,7 +3,7 @@
 Nothing of the model is changed but the integrator, which is RK4 as for the shipped model.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import ceil
 from pathlib import Path
@@ -77,13 +77,15 @@ class OwnFile:
             check_finite(file, self.model)
 
     @staticmethod
-    def guess_rig(file: Path) -> RigParameters:
+    def guess_rig(file: Path, overrides: Sequence[str] = ()) -> RigParameters:
         """Return a rig with the names that the geometry of a model in MJCF suggests, to be confirmed.
 
         Parameters
         ----------
         file : Path
             The model. It must be in SI units.
+        overrides : sequence of str
+            What is known and need not be guessed, such as "rig.plant.names.load=hook".
 
         Returns
         -------
@@ -97,7 +99,7 @@ class OwnFile:
         """
         with _told(file):
             check_files(file)
-            return guess_rig(file, mujoco.MjSpec.from_file(str(file)))
+            return guess_rig(file, mujoco.MjSpec.from_file(str(file)), overrides)
 
     def _take_delay(self) -> float:
         """Remove the delay of the drives and return it [s]; raise InputError if it is not one for all."""

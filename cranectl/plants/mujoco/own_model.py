@@ -38,6 +38,11 @@ TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
 MIN_WINCH = 1e-5  # of the load, for a winch without inertia; accelerations of a lighter one lose digits
 MIN_LOAD = 1e-3  # [kg] that a rig can state
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
+LONGEST_STEP = 0.1  # [m, rad]
+REST_STEPS, RESTING, SLIGHT = 60, 1e-9, 1e-6  # of Newton's method; accelerations [m/s²]; steps of slopes
+UNMOVED = 1e-7  # [m, rad] of the way to rest, below which the pose was at rest
+INDIFFERENT = 1e-6  # share of the largest slope, of what may be anywhere, such as a turn about the rope
+SMALL_ANGLE = 1e-3  # [rad]
 MIN_HEAVIER = 1e-9  # share by which more mass moves along y than along x; less is rounding
 
 
@@ -60,6 +65,7 @@ class OwnModel(SiteModel):
         self.servo = own.servo  # what the drives take, such as "velocity"
         self.filters, self.delay = own.filters, own.delay  # (n,) before the forces, and one of all drives [s]
         self.gravity = -float(model.opt.gravity[2])  # along -z [m/s²]
+        self.base: Array | None = None  # positions of joints at rest, if those of the file are not
         check_gravity(self)
         shown = check_pose(self)
         shown[1::2] = shown[ALPHA:] = 0.0
@@ -117,8 +123,13 @@ class OwnModel(SiteModel):
 
     @property
     def swing_period(self) -> float:
-        """Period of the free swing [s] on the rope of the file."""
-        return float(2.0 * np.pi * np.sqrt(self.rest[ROPE] / self.gravity))
+        """Period of a small free swing [s] on the rope of the file, while the drives hold the axes."""
+        swing = BETA if BRIDGE in self.axes else ALPHA
+        aside = self.rest.copy()
+        aside[swing] = SMALL_ANGLE
+        back = -self._swing_held(*self._pushed(aside))[swing // 2 - 3] / SMALL_ANGLE
+        simple = self.gravity / self.rest[ROPE]  # as of a point, for a model whose load does not swing back
+        return float(2.0 * np.pi / np.sqrt(back if back > 0.0 else simple))
 
     @property
     def built_in(self) -> dict[str, float]:
@@ -164,9 +175,66 @@ class OwnModel(SiteModel):
         return data
 
     def pose(self, data: mujoco.MjData) -> None:
-        """Set the joints of `data` to the pose from which states are reached."""
+        """Set the joints of `data` to the pose from which states are reached: that of the file, at rest.
+
+        A joint that it has outside its range is in the middle of that.
+        """
+        if self.base is not None:
+            data.qpos[:] = self.base
+            return
         if self.names.keyframe:
             data.qpos[:] = self.model.key_qpos[self.model.key(self.names.keyframe).id]
+        for joint in self.moved_joints:
+            data.qpos[self.model.jnt_qposadr[joint]] = self.model.jnt_range[joint].mean()
+
+    @functools.cached_property
+    def moved_joints(self) -> list[int]:
+        """The joints that the pose of the file, or its keyframe, has outside their ranges."""
+        model, names = self.model, self.names
+        pose = model.key_qpos[model.key(names.keyframe).id] if names.keyframe else model.qpos0
+        simple = np.isin(model.jnt_type, (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)))
+        places, (low, high) = pose[model.jnt_qposadr], model.jnt_range.T
+        outside = simple & (model.jnt_limited > 0) & ((places < low) | (places > high))
+        return [int(joint) for joint in np.flatnonzero(outside)]
+
+    def _find_rest(self) -> None:
+        """Let what the sites do not show rest too, by Newton's method: a load that the file has turned.
+
+        Without such a rest the pose stays, and what the load does in it is judged.
+        """
+        model, n = copy.copy(self.free), len(self.axes)
+        for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
+            model.opt.disableflags |= int(flag)
+        model.opt.wind[:] = 0.0
+        data, trial = self.new_data(model), mujoco.MjData(model)
+        self.place(data, self.rest)
+        position, forces = data.qpos.copy(), np.zeros(n)
+
+        def missing(moved: Array, added: Array) -> Array:
+            """Return accelerations, and distances of the axes from where they should be."""
+            trial.qpos[:], trial.qvel[:] = position, 0.0
+            mujoco.mj_integratePos(model, trial.qpos, moved, 1.0)
+            trial.qfrc_applied[:] = (forces + added) @ self._moments(trial)[self.drives]
+            mujoco.mj_forward(model, trial)
+            shown, _ = self.show(trial)
+            return np.append(trial.qacc, (shown - self.rest)[:6:2][self.axes])
+
+        nothing = np.zeros(model.nv), np.zeros(n)
+        begin = position.copy()
+        for _ in range(REST_STEPS):
+            value = missing(*nothing)
+            if np.abs(value).max() < RESTING:
+                self.base = position if np.abs(position - begin).max() > UNMOVED else None
+                return
+            slopes = [
+                (missing(*np.split(SLIGHT * unit, [model.nv])) - value) / SLIGHT
+                for unit in np.eye(model.nv + n)
+            ]
+            step = np.linalg.lstsq(np.array(slopes).T, -value, rcond=INDIFFERENT)[0]
+            # Short steps find the rest nearby, which is stable: a load can also rest upside down.
+            step *= min(1.0, LONGEST_STEP / np.abs(step[: model.nv]).max())
+            mujoco.mj_integratePos(model, position, step[: model.nv], 1.0)
+            forces += step[model.nv :]
 
     def _moments(self, data: mujoco.MjData) -> Array:
         """Return the gradient (nu, nv) of the lengths of all actuators."""
@@ -260,32 +328,44 @@ class OwnModel(SiteModel):
 
         Raises InputError if the load swings aside while held below the pivot: it hangs elsewhere.
         """
+        falling, by_force = self._pushed(self.rest)
+        if not self._offset(falling, by_force) < MAX_OFFSET:
+            self._find_rest()  # the load may only be turned in the file
+            falling, by_force = self._pushed(self.rest)
+        if not (offset := self._offset(falling, by_force)) < MAX_OFFSET:
+            raise InputError(
+                f"{self.file}: the load '{self.names.load}' hangs about {offset:.2g} m beside the pivot "
+                f"'{self.names.pivot}'",
+                allowed="a load that hangs at rest straight below the pivot",
+                remedy="name other points, move one of the two in the file, or what pulls the load aside",
+            )
+        return float(falling[WINCH]), by_force[np.arange(len(self.axes)), self.axes]
+
+    def _offset(self, falling: Array, by_force: Array) -> float:
+        """Return how far from below its pivot a load hangs that swings so, with g offset / l² [m]."""
+        aside = np.hypot(*self._swing_held(falling, by_force))
+        return float(self.rest[ROPE] ** 2 * aside / self.gravity)
+
+    def _swing_held(self, falling: Array, by_force: Array) -> Array:
+        """Return how the load swings aside (2,) while the drives hold the axes [rad/s²]."""
+        held = falling[self.axes] @ np.linalg.pinv(by_force[:, self.axes])
+        return np.asarray(falling[3:] - held @ by_force[:, 3:])
+
+    def _pushed(self, state: Array) -> tuple[Array, Array]:
+        """Return accelerations (5,) without drives in a state, and what 1 N of each drive adds (n, 5)."""
         model = copy.copy(self.free)
         model.opt.wind[:] = 0.0
         for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
             model.opt.disableflags |= int(flag)
         data = self.new_data(model)
-        gradient = self.place(data, self.rest)
+        gradient = self.place(data, state)
         accelerations = []
         for force in (np.zeros(model.nv), *self._moments(data)[self.drives]):
             data.qfrc_applied[:] = force
             mujoco.mj_forward(model, data)
             accelerations.append(gradient @ data.qacc)
         falling, *pushed = accelerations
-        by_force = pushed - falling  # (n, 5)
-        # Less what the drives do to the angles while they hold the axes: only a load aside still swings.
-        held = falling[self.axes] @ np.linalg.pinv(by_force[:, self.axes])
-        aside = falling[3:] - held @ by_force[:, 3:]
-        # A load at this offset from below its pivot swings with g offset / l².
-        offset = self.rest[ROPE] ** 2 * np.hypot(*aside) / self.gravity
-        if not offset < MAX_OFFSET:
-            raise InputError(
-                f"{self.file}: the load '{self.names.load}' hangs about {offset:.2g} m beside the pivot "
-                f"'{self.names.pivot}'",
-                allowed="a load that hangs at rest straight below the pivot",
-                remedy="move one of the two sites in the file, or what pulls the load aside",
-            )
-        return float(falling[WINCH]), by_force[np.arange(len(self.axes)), self.axes]
+        return falling, np.asarray(pushed - falling)
 
 
 def _digest(own: OwnFile) -> str:

@@ -10,9 +10,7 @@ import numpy as np
 from cranectl.plants.mujoco.own_causes import causes_of
 from cranectl.plants.mujoco.own_model import OwnModel
 from cranectl.plants.mujoco.own_plant import OwnPlant
-from cranectl.plants.mujoco.own_ranges import axis_ranges
 from cranectl.plants.mujoco.plant import MujocoPlant
-from cranectl.plants.mujoco.sites import AXES
 from cranectl.plants.plant import Drive
 from cranectl.scenario import EffectSettings, RigParameters
 from cranectl.support import Array
@@ -37,10 +35,6 @@ class TrialMotion:
     def __init__(self, own: OwnModel) -> None:
         self.own = own
         self.period = own.swing_period  # [s]
-        self.start = own.rest.copy()  # state (10,), as in the file but between the stops of the axes
-        for name, ends in axis_ranges(own)[0].items():
-            axis = 2 * AXES.index(name.removesuffix("_range"))
-            self.start[axis] = np.clip(self.start[axis], *ends)
         self.duration = SWINGS * self.period  # [s]
         self.rig = RigParameters.from_table({**own.built_in, **own.names.axes}, str(own.file))
         self.drive: Drive = "force" if own.servo == "force" else "velocity"
@@ -79,7 +73,7 @@ class TrialMotion:
         return np.asarray(self.rig.driven_masses * pulse - weight)
 
     def _path(self, plant: MujocoPlant) -> Array:
-        plant.reset(self.start)
+        plant.reset(self.own.rest)
         load, path = np.zeros(7), np.zeros((MOTION_SAMPLES, 3))
         for k in range(MOTION_SAMPLES):
             plant.advance(self.command(k * self.duration / MOTION_SAMPLES), np.zeros(2), np.zeros(6), load)

@@ -1,18 +1,21 @@
 """Find what the names of a rig stand for in a user's model, and guess those that are missing."""
 
 import shlex
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from cranectl.scenario import ModelNames, RigParameters
+from cranectl.scenario import ModelNames, RigParameters, override
 from cranectl.support import InputError
 
 # The setting of a rig that has no such drive.
 FIXED = {"bridge_drive": ("axes", "y"), "trolley_drive": ("axes", "x"), "winch_drive": ("rope", "fixed")}
+JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+KNOWN = ("rig.plant.names.", "rig.axes=", "rig.rope=")  # what a user may know of a model
+SAME = 1e-6  # [m] between a point and its name
 ALONG = 0.99  # cosine, of a rail and the axis that it runs along
 
 
@@ -56,26 +59,36 @@ def _moves_nowhere(lacking: Collection[str]) -> bool:
     return {"bridge_drive", "trolley_drive"} <= {*lacking}
 
 
-def guess_rig(file: Path, spec: mujoco.MjSpec) -> RigParameters:
+def guess_rig(file: Path, spec: mujoco.MjSpec, overrides: Sequence[str] = ()) -> RigParameters:
     """Return a rig with the names that the geometry of a model suggests; an axis without a drive is fixed.
 
-    Default names that the model has are kept. Raises InputError if no pivot or no load is found.
+    Default names of sites that the model has are kept, and `overrides` are known. Raises InputError if no
+    pivot or no load is found, and for overrides of anything else.
     """
-    model, usual = spec.compile(), ModelNames()
-    known = {"actuator": _names(spec.actuators), "site": _names(spec.sites)}
-    names = dict(_guesses(model))
-    names |= {k: name for k, name in usual if name in known["actuator" if k.endswith("drive") else "site"]}
+    for assignment in overrides:
+        if not assignment.startswith(KNOWN):
+            raise InputError(
+                f"--set {assignment} for a model, which says itself what it has",
+                allowed=f"--set {', '.join(KNOWN)}",
+                remedy="leave it out, and write it into the rig",
+            )
+    given = override({"rig": {}}, overrides)["rig"]
+    model, usual, known = spec.compile(), ModelNames(), given.pop("plant", {}).get("names", {})
+    sites = _names(spec.sites)
+    names = {**dict(_guesses(model)), **{k: name for k, name in usual if name in sites}, **known}
     lacking = [_words(key) for key in ("pivot", "load") if key not in names]
     missing = [key for key in FIXED if key not in names]
     if lacking or _moves_nowhere(missing):
+        unknown = [key for key in ("pivot", "load") if key not in names] or ["bridge_drive"]
         raise InputError(
             f"{file}: nothing shows what is its {' or its '.join(lacking) or 'drive along x or y'}",
             allowed="a model whose drives slide a body along x or y, below which another body hangs",
-            remedy=f"name its parts in a rig, and look at it with: cranectl info {shlex.quote(str(file))}",
+            remedy=f"name them: add {' '.join(f'--set rig.plant.names.{key}=NAME' for key in unknown)}",
         )
     table = {
         **dict(FIXED[key] for key in missing),
-        "plant": {"names": {**names, **_hanging_pose(model, names)}},
+        **given,
+        "plant": {"names": {**_hanging_pose(model, names), **names}},
     }
     return RigParameters.from_table(table, str(file))
 
@@ -151,24 +164,49 @@ def _guesses(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
     hangs = [body for body in range(1, model.nbody) if body not in carried]
     if not trolleys or not hangs:
         return
-    pivot = trolleys[-1]  # children come later, so this is the last one that only its axes carry
+    trolley = trolleys[-1]  # children come later, so this is the last one that only its axes carry
     load = min(hangs, key=lambda body: float(data.xipos[body, 2]))
-    for key, body in (("pivot", pivot), ("load", load)):
+    # What hangs on joints swings about an anchor, and its centre of mass counts; what hangs on a rope has
+    # sites at the ends of the rope.
+    swinging = [body for body in hangs if model.body_parentid[body] == trolley and _swings(model, body)]
+    anchor = data.xanchor[model.body_jntadr[swinging[0]]] if swinging else None
+    for key, body in (("pivot", trolley), ("load", load)):
         sites = [k for k in range(model.nsite) if model.site_bodyid[k] == body and model.site(k).name]
         # Pivot and load are below each other; of several sites, the lowest is where a rope leaves or ends.
         across = np.linalg.norm(data.site_xpos[:, :2] - data.xipos[load, :2], axis=1)
         sites.sort(key=lambda k: (round(float(across[k]), 6), float(data.site_xpos[k, 2])))
-        if name := model.site(sites[0]).name if sites else model.body(body).name:
+        name = model.site(sites[0]).name if sites else model.body(body).name
+        if anchor is not None:
+            point, bodies = (anchor, [trolley, swinging[0]]) if key == "pivot" else (data.xipos[load], [load])
+            places = data.xpos if key == "pivot" else data.xipos
+            exact = [model.site(k).name for k in sites if np.allclose(data.site_xpos[k], point, atol=SAME)]
+            exact += [model.body(b).name for b in bodies if np.allclose(places[b], point, atol=SAME)]
+            name = next(filter(None, exact), name)
+        if name:
             yield key, name
 
 
+def _swings(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether the first joint of a body turns it about a point of its parent."""
+    joint = int(model.body_jntadr[body])
+    turning = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL))
+    return bool(model.body_jntnum[body]) and model.jnt_type[joint] in turning
+
+
 def _guessed_drives(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[tuple[str, str]]:
+    """Yield an actuator for each axis that has one: with the usual name of its drive, or else the first."""
+    found: dict[str, list[str]] = {}
     for k in range(model.nu):
-        of, name = int(model.actuator_trnid[k, 0]), model.actuator(k).name
-        is_joint = model.actuator_trntype[k] == int(mujoco.mjtTrn.mjTRN_JOINT)
-        axis = _axis(model, data, of) if is_joint else ""
-        if name:
-            yield {"x": "bridge_drive", "y": "trolley_drive"}.get(axis, "winch_drive"), name
+        of, name = int(model.actuator_trnid[k, 0]), str(model.actuator(k).name)
+        kind = int(model.actuator_trntype[k])
+        slides = kind in JOINTS and model.jnt_type[of] == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        axis = _axis(model, data, of) if slides else ""
+        if name and (slides or kind == int(mujoco.mjtTrn.mjTRN_TENDON)):
+            found.setdefault({"x": "bridge_drive", "y": "trolley_drive"}.get(axis, "winch_drive"), []).append(
+                name
+            )
+    for key, names in found.items():
+        yield key, key if key in names else names[0]
 
 
 def _axis(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> str:

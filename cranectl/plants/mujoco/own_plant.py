@@ -100,5 +100,8 @@ def examined(entry: PlantEntry, names: ModelNames) -> PlantEntry:
         drives=("force" if own.servo == "force" else "velocity",),
         fixed=own.built_in,
         delay=own.delay,
-        differs=", ".join(difference.text for difference in find_differences(own)),
+        differs=", ".join(
+            f"{difference.text}{f' ({difference.line})' * bool(difference.line)}"
+            for difference in find_differences(own)
+        ),
     )

@@ -163,5 +163,6 @@ class SiteModel:
         raise InputError(
             f"{self.source}: no joints bring its sites to {positions}",
             allowed="states that its joints can reach",
-            remedy="begin the reference where the model can be",
+            remedy="begin the reference where the model can be, or name the points that the rope connects as "
+            "pivot and load",
         )
