@@ -1,18 +1,19 @@
 """Many cranes that a program steps together."""
 
+import functools
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cranectl.plants import DRIVES, PLANTS, Plant
+from cranectl.plants import DRIVES, PLANTS, PhysicsStep, Plant
 from cranectl.scenario import NANOSECONDS, Scenario
 from cranectl.signals import TENSION
 from cranectl.simulate.memory import check_several_plans
 from cranectl.simulate.open_start import checked_numbers
-from cranectl.simulate.plan import rows_at
+from cranectl.simulate.plan import Plan, rows_at
 from cranectl.simulate.stepped import SteppedCranes, check_samples
 from cranectl.status import RunStatus
 from cranectl.support import Arguments, Array, InputError
@@ -28,7 +29,7 @@ class OpenRuns(SteppedCranes):
 
     def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
         super().__init__(scenarios, plants)
-        self.scenarios = tuple(scenarios)
+        self.scenarios: tuple[Scenario, ...] = tuple(scenarios)
         self.reset()
 
     def __len__(self) -> int:
@@ -41,6 +42,7 @@ class OpenRuns(SteppedCranes):
         seeds: Iterable[int] | None = None,
         targets: Array | None = None,
         cranes: Sequence[int] | NDArray[np.integer[Any] | np.bool_] | None = None,
+        scenarios: Iterable[Scenario] | None = None,
     ) -> Array:
         """Begin again with all cranes, or with some; return the states of all.
 
@@ -54,6 +56,9 @@ class OpenRuns(SteppedCranes):
             Where the loads shall come to rest [m], in place of the references.
         cranes : sequence of int or mask, optional
             Which cranes begin, by their numbers or by True for each that begins; by default all.
+        scenarios : iterable of Scenario, optional
+            A new scenario for each crane that begins, such as one with another load. From now on it has
+            this one. Another mass costs little; other effects need another plant.
 
         Returns
         -------
@@ -64,24 +69,45 @@ class OpenRuns(SteppedCranes):
         ------
         InputError
             If a state or target is outside the workspace, or numbers of states, seeds and cranes differ.
-            Cranes before a refused one have begun again.
+            Cranes before a refused one have begun again. Scenarios with another control period are refused,
+            and those that a plant cannot show: then no crane has another scenario.
         """
         chosen = self._chosen(cranes)
         starts = [
             [None] * len(chosen)
             if values is None
             else list(Arguments.check(name, values, Iterable[Any] | None))
-            for name, values in (("states", states), ("seeds", seeds), ("targets", targets))
-        ]
+            for name, values in (
+                ("states", states), ("seeds", seeds), ("targets", targets), ("scenarios", scenarios),
+            )
+        ]  # fmt: skip
         if any(len(values) != len(chosen) for values in starts):
             raise InputError(
-                f"{', '.join(str(len(values)) for values in starts)} states, seeds and targets "
+                f"{', '.join(str(len(values)) for values in starts)} states, seeds, targets and scenarios "
                 f"for {len(chosen)} cranes",
                 allowed="one of each for each crane, or none",
                 remedy="give as many as cranes begin",
             )
-        self._begin(zip(chosen, *starts, strict=True))
+        if scenarios is not None:
+            self._change(dict(zip(chosen, starts[-1], strict=True)))
+        self._begin(zip(chosen, *starts[:-1], strict=True))
         return self.states
+
+    def _change(self, changed: Mapping[int, Any]) -> None:
+        """Give cranes other scenarios; raise InputError, and change none, if one cannot be shown."""
+        plan, whole = functools.cache(Plan.of), list(self.scenarios)
+        for i, scenario in changed.items():
+            Arguments.check("scenarios", scenario, Scenario)
+            PLANTS.entry(self._plants[i].name).check_scenario(scenario, self._plants[i].drive)
+        check_together([*changed.values(), whole[0]])
+        plans = {i: plan(scenario) for i, scenario in changed.items()}
+        for i, scenario in changed.items():
+            plant = self._plants[i]
+            steps = {PhysicsStep(of, plant.drive).per_period for of in (whole[i], scenario)}
+            if len(steps) > 1 or not plant.retune(scenario.rig, scenario.effects_on_plant):
+                self._plants[i] = PLANTS.make(plant.name, scenario, plant.drive)
+            self._plans[i], whole[i] = plans[i], scenario
+        self.scenarios = tuple(whole)
 
     def step(self, commands: Array, samples: int = 1) -> Array:
         """Hold commands for some samples, and return the states after them.
@@ -169,6 +195,18 @@ class OpenRuns(SteppedCranes):
         return chosen
 
 
+def check_together(scenarios: Sequence[Scenario]) -> None:
+    """Raise InputError if scenarios of cranes have different control periods, or plans that are too large."""
+    check_several_plans(dict.fromkeys(scenarios))  # equal scenarios share one plan
+    periods = {scenario.period_ns for scenario in scenarios}
+    if len(periods) != 1:
+        raise InputError(
+            f"{len(periods)} control periods in {len(scenarios)} scenarios",
+            allowed="one or more scenarios with the same control.period",
+            remedy="give scenarios that differ in other settings only",
+        )
+
+
 @Arguments.checked
 def open_runs(
     scenarios: Iterable[Scenario], *, plant: str = PLANTS.REFERENCE, drive: str = "ideal"
@@ -211,13 +249,6 @@ def open_runs(
             allowed=f"1 to {MAX_CRANES} cranes, which are stepped together",
             remedy="open several runs of fewer cranes",
         )
-    check_several_plans(dict.fromkeys(chosen))  # equal scenarios share one plan
-    periods = {scenario.period_ns for scenario in chosen}
-    if len(periods) != 1:
-        raise InputError(
-            f"{len(periods)} control periods in {len(chosen)} scenarios",
-            allowed="one or more scenarios with the same control.period",
-            remedy="give scenarios that differ in other settings only",
-        )
+    check_together(chosen)
     kind = DRIVES.checked(drive)
     return OpenRuns(chosen, [PLANTS.make(plant, scenario, kind) for scenario in chosen])

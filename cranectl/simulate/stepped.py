@@ -54,7 +54,7 @@ class SteppedCranes(TakesTurns):
     """
 
     def __init__(self, scenarios: Sequence[Scenario], plants: Sequence[Plant]) -> None:
-        self._plants, count = tuple(plants), len(plants)
+        self._plants, count = list(plants), len(plants)
         self._period_ns = scenarios[0].period_ns
         plan = functools.cache(Plan.of)  # cranes of equal scenarios share a plan, which may be large
         self._plans = [plan(scenario) for scenario in scenarios]

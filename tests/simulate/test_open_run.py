@@ -223,9 +223,12 @@ def test_cranes_of_several_periods_are_refused(periods: list[float]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ({"seeds": [1]}, "2, 1, 2 states, seeds and targets for 2 cranes"),
-        ({"states": np.zeros((3, 10))}, "3, 2, 2"),
-        ({"cranes": [0], "targets": np.zeros((2, 3))}, "1, 1, 2"),
+        ({"seeds": [1]}, "2, 1, 2, 2 states, seeds, targets and scenarios for 2 cranes"),
+        ({"states": np.zeros((3, 10))}, "3, 2, 2, 2"),
+        ({"cranes": [0], "targets": np.zeros((2, 3))}, "1, 1, 2, 1"),
+        ({"scenarios": [moving()]}, "2, 2, 2, 1"),
+        ({"scenarios": [moving("control.period=0.002"), moving()]}, "2 control periods"),
+        ({"scenarios": [moving(), "fixed-position"]}, "scenarios = 'fixed-position'"),
         ({"targets": 0.3}, "targets = 0.3"),
         *(({"cranes": cranes}, f"cranes = {cranes}") for cranes in ([2], [-1], [1, 1], [1.0], 1, [True])),
     ],
@@ -247,6 +250,33 @@ def test_a_refused_reset_leaves_cranes_that_can_be_stepped() -> None:
     states = cranes.step(np.full((2, 3), 0.1), samples=100)
     assert np.array_equal(states, [alone.step([0.1, 0.1, 0.1], samples=100)] * 2)
     assert len(waste) == 100
+
+
+@pytest.mark.parametrize("plant", [*PLANTS])
+def test_cranes_begin_again_with_other_scenarios(plant: str) -> None:
+    """Another load, another duration, and effects that need another plant: each is as a crane of its own."""
+    scenarios = [varied(i) for i in range(4)]
+    cranes = open_runs(scenarios, plant=plant, drive="velocity")
+    cranes.step(np.full((4, 3), 0.05), samples=50)
+    heavier, longer, sensing = moving("rig.load_mass=1.9"), moving("duration=4"), varied(7)
+    cranes.reset(cranes=[0, 2, 3], seeds=[5, 6, 7], scenarios=[heavier, sensing, longer])
+    assert cranes.scenarios == (heavier, scenarios[1], sensing, longer)
+    alone = [open_run(scenario, plant=plant, drive="velocity") for scenario in cranes.scenarios]
+    alone[1].step([0.05] * 3, samples=50)
+    for k, seed in ((0, 5), (2, 6), (3, 7)):
+        alone[k].reset(seed=seed)
+    commands = np.random.default_rng(3).uniform(-0.1, 0.1, size=(4, 3))
+    expected = [run.step(command, 300) for run, command in zip(alone, commands, strict=True)]
+    assert np.array_equal(cranes.step(commands, 300), expected)
+    assert cranes.tensions[0] > 1.5 * cranes.tensions[3]
+
+
+def test_refused_scenarios_change_no_crane() -> None:
+    before = [moving(), moving("rig.load_mass=2")]
+    cranes = open_runs(before)
+    with pytest.raises(cranectl.InputError, match="control periods"):
+        cranes.reset(scenarios=[moving("rig.load_mass=1.5"), moving("control.period=0.002")])
+    assert list(cranes.scenarios) == before
 
 
 @pytest.mark.parametrize(("cranes", "begun"), [([False, True, False], [1]), ([], []), ([2, 0], [0, 2])])
