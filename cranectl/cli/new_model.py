@@ -8,8 +8,6 @@ from os.path import relpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from cranectl import planning, plants
 from cranectl import scenario as scenario_files
 from cranectl.cli.model_rig import model_settings, rig_lines
@@ -88,6 +86,8 @@ class ModelFiles:
 
     def _scenarios(self, rig: "RigParameters", clearance: float) -> Iterator[str]:
         """Yield scenarios with motions, and last one with none; they keep `clearance` from ends of ranges."""
+        import numpy as np
+
         low, high = rig.workspace.T
         margin = np.minimum(MARGIN * (high - low), clearance)
         rest = self.own.rest[:6:2].round(EXACT)

@@ -1,5 +1,6 @@
 """A gantry crane as a Gymnasium environment: bring the load to a point, and let it hang still."""
 
+import functools
 from pathlib import Path
 
 import gymnasium
@@ -12,11 +13,26 @@ import cranectl
 SCENARIO = Path(__file__).parent / "scenarios" / "move.toml"
 SAMPLES = 20  # control samples of 1 ms that an action lasts
 FASTEST = np.array([0.5, 0.5, 0.3])  # set-points of bridge, trolley and rope [m/s] at an action of 1
+AXES = ("bridge", "trolley", "winch")
+SPREAD = np.log(2.0)  # load and lags are half to twice those of the scenario
 STEPS = 400  # of an episode: 8 s
 WIDEST = 100.0  # bound of all observations [m, m/s, rad, rad/s]
 SWING_WEIGHT = 0.3  # [s] of the swing in the reward
 OBSERVATIONS = gymnasium.spaces.Box(-WIDEST, WIDEST, (10,), np.float64)
 ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float64)
+
+
+@functools.lru_cache(maxsize=64)
+def crane_with(scenario, load, lag):
+    """Return the scenario with a load [kg], and drives that lag `lag` times as much."""
+    rig = cranectl.load_scenario(scenario).rig
+    lags = [f"rig.{axis}_time_constant={lag * rig.time_constants[k]:.6f}" for k, axis in enumerate(AXES)]
+    return cranectl.load_scenario(scenario, overrides=[f"rig.load_mass={load}", *lags])
+
+
+def draw_crane(random, scenario):
+    """Draw a crane: nobody knows its load and its drives exactly."""
+    return crane_with(scenario, *np.exp(random.uniform(-SPREAD, SPREAD, 2)).round(4).tolist())
 
 
 def draw_target(random, scenario):
@@ -77,13 +93,14 @@ class GantryCrane(gymnasium.Env):
     """One crane with velocity drives; an action (3,) from -1 to 1 is a share of the fastest set-points."""
 
     def __init__(self, scenario=SCENARIO, plant="elastic"):
-        self.scenario = cranectl.load_scenario(scenario)
-        self.crane = cranectl.open_run(self.scenario, plant=plant, drive="velocity")
+        self.scenario, self.plant = scenario, plant
         self.observation_space, self.action_space = OBSERVATIONS, ACTIONS
 
     def reset(self, *, seed=None, options=None):  # noqa: ARG002
         super().reset(seed=seed)
-        target = draw_target(self.np_random, self.scenario)
+        crane = draw_crane(self.np_random, self.scenario)
+        self.crane = cranectl.open_run(crane, plant=self.plant, drive="velocity")
+        target = draw_target(self.np_random, crane)
         self.crane.reset(seed=int(self.np_random.integers(2**31)), target=target)
         self.steps = 0
         return self._observe(), {}
@@ -107,8 +124,9 @@ class GantryCranes(VectorEnv):
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}  # noqa: RUF012
 
     def __init__(self, num_envs=1, scenario=SCENARIO, plant="elastic"):
-        self.scenario, self.num_envs = cranectl.load_scenario(scenario), num_envs
-        self.cranes = cranectl.open_runs([self.scenario] * num_envs, plant=plant, drive="velocity")
+        self.scenario, self.num_envs = scenario, num_envs
+        cranes = [cranectl.load_scenario(scenario)] * num_envs
+        self.cranes = cranectl.open_runs(cranes, plant=plant, drive="velocity")
         self.single_observation_space, self.single_action_space = OBSERVATIONS, ACTIONS
         self.observation_space = batch_space(OBSERVATIONS, num_envs)
         self.action_space = batch_space(ACTIONS, num_envs)
@@ -135,10 +153,11 @@ class GantryCranes(VectorEnv):
         return seen, reward, stopped, over, information
 
     def _begin(self, chosen):
-        """Begin again with the `chosen` cranes; return what all see."""
-        targets = [draw_target(self.random[i], self.scenario) for i in chosen]
+        """Begin again with the `chosen` cranes, each with its own load and drives; return what all see."""
+        cranes = [draw_crane(self.random[i], self.scenario) for i in chosen]
+        targets = [draw_target(self.random[i], crane) for i, crane in zip(chosen, cranes, strict=True)]
         seeds = [int(self.random[i].integers(2**31)) for i in chosen]
-        states = self.cranes.reset(seeds=seeds, targets=targets, cranes=chosen)
+        states = self.cranes.reset(seeds=seeds, targets=targets, cranes=chosen, scenarios=cranes)
         self.steps[chosen] = 0
         return observe(states, self.cranes.references[:, :3])
 

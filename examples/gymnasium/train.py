@@ -1,8 +1,8 @@
 """Train a linear policy with NumPy in less than a minute, on many cranes at once.
 
-The cross-entropy method draws policies in each generation, lets all of them move a crane to the same random
-targets, and keeps the best (Rubinstein and Kroese: The Cross-Entropy Method, 2004). Linear policies suffice
-for tasks like this one (Mania, Guy, Recht: Simple random search provides a competitive approach to
+The cross-entropy method draws policies in each generation, lets all of them move the same random cranes to
+the same targets, and keeps the best (Rubinstein and Kroese: The Cross-Entropy Method, 2004). Linear policies
+suffice for tasks like this one (Mania, Guy, Recht: Simple random search provides a competitive approach to
 reinforcement learning, 2018).
 """
 

@@ -31,7 +31,7 @@ CART = """
 BALL = '<geom type="sphere" size="0.02" mass="0.2" pos="0 0 -0.5"/>'
 ROD = '<geom type="capsule" size="1e-4" fromto="0 0 0 0 0 -0.6" mass="0.3"/><site name="tip" pos="0 0 -0.6"/>'
 HUNG = f'<geom type="sphere" size="0.01" mass="0.01"/><body name="bob">{BALL}</body>'
-LIFTED = f'<geom type="sphere" size="0.01" mass="0.01"/><body name="bob"><joint name="lift" type="slide" axis="0 0 -1"/>{BALL}</body>'
+LIFTED = HUNG.replace('"bob">', '"bob"><joint name="lift" type="slide" axis="0 0 -1"/>')
 PUSH, BRAKE, LIFT = (
     f'<motor name="{name}" joint="{joint}"/>'
     for name, joint in (("trolley_drive", "slider"), ("brake", "hinge"), ("pull", "lift"))

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from cranectl.campaign.distributions import LogUniform
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
+from cranectl.campaign.report.metric_text import METRIC_LABELS, MetricText
 from cranectl.campaign.report.panels import CampaignPanel
-from cranectl.campaign.report.tables import METRIC_LABELS, CampaignTables
+from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.sensitivity import Correlations
 from cranectl.campaign.settings import INDEPENDENT
 from cranectl.campaign.statistics import empirical_distribution, equal_bins, quantiles
@@ -55,14 +56,14 @@ class CampaignFigures:
             axes.set_visible(False)
         for axes, metric in zip(panels.flat, metrics, strict=False):
             for k, group in enumerate(groups):
-                values = CampaignTables.shown(metric, group.metrics[metric][group.has_run])
+                values = MetricText.shown(metric, group.metrics[metric][group.has_run])
                 x, share = empirical_distribution(values)
                 if Metric.low_is_bad(metric):
                     share = share + np.isnan(values).sum() / max(1, values.size)
                 label = group.controller if metric == metrics[0] else None
                 axes.step(x, share, where="post", label=label, **CampaignFigures.style(k))
             if metric in limits:
-                limit = CampaignTables.shown(metric, limits[metric])
+                limit = MetricText.shown(metric, limits[metric])
                 axes.axvline(limit, color=Chart.STAND_IN["limit"], linewidth=0.8, linestyle=(0, (1, 2)))
             axes.set(xlabel=METRIC_LABELS[metric], ylim=(0.0, 1.02))
             axes.xaxis.set_major_locator(MaxNLocator(4))
@@ -90,7 +91,7 @@ class CampaignFigures:
         for axes, part in zip(grid.flat, parts, strict=False):
             group, values = part.group, analysis.values
             x = values[:, columns[0]]
-            y = values[:, columns[1]] if columns[1:] else CampaignTables.shown(metric, group.metrics[metric])
+            y = values[:, columns[1]] if columns[1:] else MetricText.shown(metric, group.metrics[metric])
             for bad, style in ((False, _OTHERS), (True, _FAILED)):
                 rows = np.flatnonzero(group.has_run & (group.failed == bad))
                 rows = rows[:: max(1, -(-rows.size // MAX_MARKS))]
@@ -183,7 +184,7 @@ class CampaignFigures:
             colour = Chart.STAND_IN["ink" if shown else "muted"]
             axes.text(column, row, text, ha="center", va="center", fontsize=7.5, color=colour)
         axes.set(xlim=(-0.5, len(correlations.metrics) - 0.5), ylim=(len(order) - 0.5, -0.5))
-        labels = [CampaignTables.metric_name(metric).replace(" ", "\n") for metric in correlations.metrics]
+        labels = [MetricText.name(metric).replace(" ", "\n") for metric in correlations.metrics]
         axes.set_xticks(range(len(labels)), labels)
         names = [correlations.parameters[k].removeprefix("effects.") for k in order]
         axes.set_yticks(range(len(order)), names)
@@ -241,7 +242,7 @@ class CampaignFigures:
                 axes.hlines(rows + offset, *interval, color=Chart.STAND_IN["ink"], linewidth=0.9)
             axes.set_title(part.group.controller)
             axes.set_xlim(min(-0.02, float(indices.first_interval[0].min())), None)
-            axes.set_xlabel(f"share of the variance, {CampaignTables.metric_name(MEASURE)}")
+            axes.set_xlabel(f"share of the variance, {MetricText.name(MEASURE)}")
         figure.legend(loc="outside upper center", ncols=2)
         return figure
 

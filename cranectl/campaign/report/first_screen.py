@@ -7,6 +7,7 @@ import numpy as np
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis
 from cranectl.campaign.failures import FailureVerdict, percent
 from cranectl.campaign.report.figures import CampaignFigures
+from cranectl.campaign.report.metric_text import MetricText
 from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.summary import GroupSummary, compared_parameters, worst_first
 from cranectl.metrics import Metric
@@ -67,7 +68,7 @@ def _runs(count: int, verb: str) -> str:
 
 def _limit_text(metric: str, limit: float) -> str:
     sign = "≥" if Metric.low_is_bad(metric) else "≤"
-    return f"{CampaignTables.metric_name(metric)} {sign} {CampaignTables.quantity(metric, limit)}"
+    return f"{MetricText.name(metric)} {sign} {MetricText.quantity(metric, limit)}"
 
 
 def _facts(analysis: Analysis, summaries: Sequence[GroupSummary]) -> Iterator[Fact]:
@@ -95,7 +96,7 @@ def _limits(analysis: Analysis) -> Iterator[Table]:
             worst = next(iter(worst_first(results, metric, of_group)), None)
             value = None if worst is None else float(results.column(metric)[worst])
             sample = "–" if worst is None else str(results.column("sample")[worst])
-            shown = Cell(CampaignTables.quantity(metric, value), "bad" if broken else "")
+            shown = Cell(MetricText.quantity(metric, value), "bad" if broken else "")
             who = group.name if len(analysis.by_plant) > 1 else group.controller
             rows.append(Cell.row(_limit_text(metric, limit), who, str(broken), shown, sample))
     if rows:

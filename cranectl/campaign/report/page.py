@@ -10,6 +10,7 @@ from cranectl.campaign.failures import FailureVerdict
 from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.report.figures import CampaignFigures
 from cranectl.campaign.report.first_screen import first_screen_of
+from cranectl.campaign.report.metric_text import MetricText
 from cranectl.campaign.report.tables import CampaignTables
 from cranectl.campaign.results import RESUME, Results
 from cranectl.campaign.sensitivity import MIN_BASE_POINTS, Correlations
@@ -102,7 +103,7 @@ def _influence(analysis: Analysis) -> Iterator[Section]:
     shown = []
     for parts in plants:
         if having := [part for part in parts if MEASURE in part.sobol]:
-            title = f"Sobol indices of the {CampaignTables.metric_name(MEASURE)}, {parts[0].group.plant}"
+            title = f"Sobol indices of the {MetricText.name(MEASURE)}, {parts[0].group.plant}"
             sentence = _sobol_sentence(having, names)
             shown.append(Figure.drawn(title, sentence, CampaignFigures.sobol, having, names))
     if compared_parameters(analysis.results):
@@ -267,7 +268,7 @@ def _sobol_sentence(parts: Sequence[GroupAnalysis], parameters: Sequence[str]) -
         left = f"; {indices.left_out} base points left out" if indices.left_out else ""
         named = named or "nothing is surely above 0.05"
         texts.append(f"{part.group.controller}: {named}, from {indices.base_points} base points{left}")
-    return f"Total indices of {CampaignTables.metric_name(MEASURE)}. {'. '.join(texts)}."
+    return f"Total indices of {MetricText.name(MEASURE)}. {'. '.join(texts)}."
 
 
 def _tornado_sentence(part: GroupAnalysis) -> str:

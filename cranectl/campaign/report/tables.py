@@ -1,11 +1,10 @@
 """Tables of a campaign's page: outcome, influence, pairs on the same samples, uncertain parameters.
 
-Labels of metrics and parameters, and the format of numbers, are here too.
+Labels of parameters and the format of numbers are here too.
 """
 
 import shlex
 from collections.abc import Callable, Sequence
-from math import degrees
 from typing import Any
 
 import numpy as np
@@ -14,56 +13,21 @@ from cranectl.campaign.definition import Campaign
 from cranectl.campaign.evaluation import Analysis, GroupAnalysis, Pair
 from cranectl.campaign.manifest import Manifest
 from cranectl.campaign.report.cells import CellText
+from cranectl.campaign.report.metric_text import METRIC_LABELS, MetricText
 from cranectl.campaign.results import Results
 from cranectl.campaign.sensitivity import SobolIndices
 from cranectl.campaign.statistics import LEVELS, quantiles
-from cranectl.campaign.summary import CONFIDENCE, EFFORT, MAIN_METRICS, MEASURE, GroupSummary
+from cranectl.campaign.summary import CONFIDENCE, MAIN_METRICS, MEASURE, GroupSummary
 from cranectl.campaign.table import FAILED, describe
-from cranectl.metrics import Metric
 from cranectl.report import Cell, Table
-from cranectl.support import Quantity
 
 REASONS = 3  # that are listed for runs that could not start
 SEPARATING = 6  # parameters for each controller in the table of failures
-
-
-def _label(metric: Metric) -> str:
-    """Return the label of a metric that comparisons leave out: "sway, max" is the largest sway."""
-    what, _, which = metric.row.label.partition(", ")
-    return f"largest {what}" if which == "max" else metric.row.label or metric.name
-
-
-# Factor and unit in which metrics are shown: angles in degrees, as everywhere.
-_SHOWN = {m.name: (degrees(1.0), "°") if m.unit == "rad" else (1.0, m.unit) for m in Metric.all()}
-METRIC_LABELS = {
-    m.name: f"{m.compared or _label(m)} [{_SHOWN[m.name][1]}]"
-    for m in Metric.all()
-    if m.compared or m.limited
-}
-METRIC_LABELS[EFFORT] = "effort [m/s²]"
 _BETTER = f"the better one is named where p is below {1 - CONFIDENCE:.2g}."
 
 
 class CampaignTables:
     """Tables of a campaign, and how they name metrics, parameters and numbers."""
-
-    @staticmethod
-    def metric_name(metric: str) -> str:
-        """Return the label of a metric without its unit."""
-        return METRIC_LABELS[metric].partition(" [")[0]
-
-    @staticmethod
-    def shown(metric: str, values: Any) -> Any:
-        """Return values of a metric, a number or an array, in the unit of its label."""
-        factor, _ = _SHOWN.get(metric, (1.0, ""))
-        return values if factor == 1.0 else factor * np.asarray(values)
-
-    @staticmethod
-    def quantity(metric: str, value: float | None) -> str:
-        """Return a value of a metric with its unit; a dash without a value."""
-        if value is None or value != value:
-            return "–"
-        return Quantity(float(CampaignTables.shown(metric, value)), _SHOWN[metric][1]).text()
 
     @staticmethod
     def parameter_label(campaign: Campaign, name: str) -> str:
@@ -132,7 +96,7 @@ class CampaignTables:
         rows = []
         for metric in parts[0].group.metrics:
             for part in parts:
-                values = CampaignTables.shown(metric, part.group.metrics[metric])
+                values = MetricText.shown(metric, part.group.metrics[metric])
                 least, largest = CellText.ends(values)
                 spread, runs = (
                     map(CampaignTables.number, (least, *quantiles(values), largest)),
@@ -175,7 +139,7 @@ class CampaignTables:
             for part in parts
             for k, name in enumerate(parameters)
         )
-        headings = ("controller", "parameter", *map(CampaignTables.metric_name, MAIN_METRICS))
+        headings = ("controller", "parameter", *map(MetricText.name, MAIN_METRICS))
         note = (
             "Total index and its 95 % interval. "
             "Green: the whole interval is above 0.05, the parameter matters."
@@ -195,7 +159,7 @@ class CampaignTables:
             Cell.row(
                 *texts,
                 *(
-                    CampaignTables.number(float(CampaignTables.shown(metric, value)), 4)
+                    CampaignTables.number(float(MetricText.shown(metric, value)), 4)
                     for metric, value in zip(MAIN_METRICS, values, strict=True)
                 ),
             )
@@ -257,7 +221,7 @@ class CampaignTables:
             for difference in pair.differences:
                 better = one if difference.second_better > difference.first_better else other
                 spread, share = (
-                    map(CampaignTables.number, CampaignTables.shown(difference.metric, difference.quantiles)),
+                    map(CampaignTables.number, MetricText.shown(difference.metric, difference.quantiles)),
                     CampaignTables.percent(difference.better_share),
                 )
                 texts = (METRIC_LABELS[difference.metric], str(difference.samples), *spread, share)

@@ -17,10 +17,13 @@ from cranectl.plants.mujoco.own_refusals import (
     check_fixed_rope,
     check_gravity,
     check_pose,
+    check_response,
     check_swing,
+    check_weight,
     drive_error,
     rise_error,
 )
+from cranectl.plants.mujoco.own_rest import find_rest
 from cranectl.plants.mujoco.own_size import content_digest
 from cranectl.plants.mujoco.sites import SiteModel
 from cranectl.scenario import ModelNames, RigParameters
@@ -34,14 +37,8 @@ MAX_OFFSET = 1e-5  # [m] of a hanging load from below its pivot
 # Places where drives and rest are examined: x, y and rope from those of the file, in lengths of that rope.
 PLACES = ((0.0, 0.0, 0.0), (0.25, 0.0, 0.1), (-0.1, 0.25, -0.1), (0.2, -0.2, 0.2))
 UNDISTURBED = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_LIMIT)
-TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
 MIN_WINCH = 1e-5  # of the load, for a winch without inertia; accelerations of a lighter one lose digits
-MIN_LOAD = 1e-3  # [kg] that a rig can state
 MIN_STATED = 1e-6  # [kg, s] that a rig can state, for a winch without inertia or a bridge without mass
-LONGEST_STEP = 0.1  # [m, rad]
-REST_STEPS, RESTING, SLIGHT = 60, 1e-9, 1e-6  # of Newton's method; accelerations [m/s²]; steps of slopes
-UNMOVED = 1e-7  # [m, rad] of the way to rest, below which the pose was at rest
-INDIFFERENT = 1e-6  # share of the largest slope, of what may be anywhere, such as a turn about the rope
 SMALL_ANGLE = 1e-3  # [rad]
 MIN_HEAVIER = 1e-9  # share by which more mass moves along y than along x; less is rounding
 
@@ -77,14 +74,14 @@ class OwnModel(SiteModel):
         if self.has_winch:
             # Without force the rope runs out with g m / (winch + m).
             self.load_mass = float(self.driven_masses[-1] * falling / self.gravity)  # of all that hangs [kg]
-            self._check_weight()
+            check_weight(self)
         else:
             check_fixed_rope(self)
             self.load_mass = self._swinging_mass()
         if self.servo != "force":
             check_damping(self)
         self._check_masses()
-        self._check_response()
+        check_response(self)
 
     @property
     def scale(self) -> Array:
@@ -197,46 +194,7 @@ class OwnModel(SiteModel):
         outside = simple & (model.jnt_limited > 0) & ((places < low) | (places > high))
         return [int(joint) for joint in np.flatnonzero(outside)]
 
-    def _find_rest(self) -> None:
-        """Let what the sites do not show rest too, by Newton's method: a load that the file has turned.
-
-        Without such a rest the pose stays, and what the load does in it is judged.
-        """
-        model, n = copy.copy(self.free), len(self.axes)
-        for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
-            model.opt.disableflags |= int(flag)
-        model.opt.wind[:] = 0.0
-        data, trial = self.new_data(model), mujoco.MjData(model)
-        self.place(data, self.rest)
-        position, forces = data.qpos.copy(), np.zeros(n)
-
-        def missing(moved: Array, added: Array) -> Array:
-            """Return accelerations, and distances of the axes from where they should be."""
-            trial.qpos[:], trial.qvel[:] = position, 0.0
-            mujoco.mj_integratePos(model, trial.qpos, moved, 1.0)
-            trial.qfrc_applied[:] = (forces + added) @ self._moments(trial)[self.drives]
-            mujoco.mj_forward(model, trial)
-            shown, _ = self.show(trial)
-            return np.append(trial.qacc, (shown - self.rest)[:6:2][self.axes])
-
-        nothing = np.zeros(model.nv), np.zeros(n)
-        begin = position.copy()
-        for _ in range(REST_STEPS):
-            value = missing(*nothing)
-            if np.abs(value).max() < RESTING:
-                self.base = position if np.abs(position - begin).max() > UNMOVED else None
-                return
-            slopes = [
-                (missing(*np.split(SLIGHT * unit, [model.nv])) - value) / SLIGHT
-                for unit in np.eye(model.nv + n)
-            ]
-            step = np.linalg.lstsq(np.array(slopes).T, -value, rcond=INDIFFERENT)[0]
-            # Short steps find the rest nearby, which is stable: a load can also rest upside down.
-            step *= min(1.0, LONGEST_STEP / np.abs(step[: model.nv]).max())
-            mujoco.mj_integratePos(model, position, step[: model.nv], 1.0)
-            forces += step[model.nv :]
-
-    def _moments(self, data: mujoco.MjData) -> Array:
+    def moments(self, data: mujoco.MjData) -> Array:
         """Return the gradient (nu, nv) of the lengths of all actuators."""
         mujoco.mj_fwdPosition(self.model, data)
         dense = np.zeros((self.model.nu, self.model.nv))
@@ -249,7 +207,7 @@ class OwnModel(SiteModel):
         ratios, heights, own = np.zeros(len(self.axes)), [], np.eye(3, 5)[self.axes]
         for state in self.places():
             data = self.new_data()
-            gradient, moments = self.place(data, state), self._moments(data)
+            gradient, moments = self.place(data, state), self.moments(data)
             heights.append(float(data.site_xpos[self.sites[0], 2]))
             motions = moments @ np.linalg.pinv(gradient)  # (nu, 5) of actuators, by axis
             moment, motion = moments[self.drives], motions[self.drives]
@@ -261,17 +219,6 @@ class OwnModel(SiteModel):
         if (rise := max(heights) - min(heights)) > MAX_RISE:
             raise rise_error(self, rise)
         return ratios
-
-    def _check_weight(self) -> None:
-        """Raise InputError if no weight pulls at the winch."""
-        if not self.load_mass > max(MIN_STATED * self.driven_masses[-1], MIN_LOAD):
-            lifted = [self.model.body(k).name or str(k) for k in np.flatnonzero(self.model.body_gravcomp)]
-            raise InputError(
-                f"{self.file}: the rope carries {max(self.load_mass, 0.0):.2g} kg to the load "
-                f"'{self.names.load}'" + (f": gravcomp lifts {', '.join(lifted)}" if lifted else ""),
-                allowed=f"a load of {MIN_LOAD:g} kg or more, whose weight the rope carries",
-                remedy="remove gravcomp" if lifted else "give the body of the load a mass",
-            )
 
     def _swinging_mass(self) -> float:
         """Return the mass [kg] that swings on a fixed rope as the load does when it is pushed aside."""
@@ -292,37 +239,6 @@ class OwnModel(SiteModel):
         except InputError as error:
             raise InputError(error.found, allowed=error.allowed, remedy=SI_UNITS) from None
 
-    def _check_response(self) -> None:
-        """Raise InputError for a drive whose force does not change at once by its gain times its control."""
-        data = self.new_data(self.free)
-        self.place(data, self.rest)
-        self.hold(data)
-        moments = self._moments(data)
-        mujoco.mj_forward(self.free, data)
-        held = data.qfrc_actuator.copy()
-        for k, name in zip(self.drives, self.drive_names, strict=True):
-            gain, moment = self.model.actuator_gainprm[k, 0], moments[k]
-            address = self.model.actuator_actadr[k]
-            values, index = (data.ctrl, k) if address < 0 else (data.act, address)
-            value, shares = values[index], []
-            small = TRIED_CONTROL * max(1.0, abs(value))
-            for change in (small, -small):  # one of the two may be beyond a limit of the drive
-                values[index] = value + change
-                mujoco.mj_forward(self.free, data)
-                force = (data.qfrc_actuator - held) @ moment / (moment @ moment)
-                shares.append(float(force) / (gain * change))
-            values[index] = value
-            if not min(abs(share - 1.0) for share in shares) < MAX_COUPLING:
-                bias = self.model.actuator_biasprm[k]
-                needed = gain * value + bias[0] + bias[1] * data.actuator_length[k] + 0.0
-                raise InputError(
-                    f"{self.file}: at rest, a small change of the control of {name} has "
-                    f"{max(shares, key=abs):.3g} of the effect that its gain states",
-                    allowed="drives that follow their controls, or filters of these, within their limits",
-                    remedy=f"let ctrlrange of {name} include {value:.4g}, and its forcerange, or the "
-                    f"actuatorfrcrange of its joint, {needed:.4g} N: they hold the crane at rest",
-                )
-
     def _probe_rest(self) -> tuple[float, Array]:
         """Return how the load falls without drives [m/s²], and how 1 N of each drive (n,) moves its axis.
 
@@ -330,7 +246,7 @@ class OwnModel(SiteModel):
         """
         falling, by_force = self._pushed(self.rest)
         if not self._offset(falling, by_force) < MAX_OFFSET:
-            self._find_rest()  # the load may only be turned in the file
+            self.base = find_rest(self)  # the load may only be turned in the file
             falling, by_force = self._pushed(self.rest)
         if not (offset := self._offset(falling, by_force)) < MAX_OFFSET:
             raise InputError(
@@ -360,7 +276,7 @@ class OwnModel(SiteModel):
         data = self.new_data(model)
         gradient = self.place(data, state)
         accelerations = []
-        for force in (np.zeros(model.nv), *self._moments(data)[self.drives]):
+        for force in (np.zeros(model.nv), *self.moments(data)[self.drives]):
             data.qfrc_applied[:] = force
             mujoco.mj_forward(model, data)
             accelerations.append(gradient @ data.qacc)

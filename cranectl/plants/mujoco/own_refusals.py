@@ -18,6 +18,9 @@ KEYS = ("bridge_drive", "trolley_drive", "winch_drive")  # of the names in a rig
 MAX_COUPLING = 0.01  # of a drive with another axis or place, as a share of its own motion
 MAX_SLOPE = 1e-6  # of a rail against x or y
 MAX_ROPE = 500.0  # [m] in the pose of the file; longer ones are in mm
+TRIED_CONTROL = 1e-4  # of the control at rest, or of its unit
+MIN_LOAD = 1e-3  # [kg] that a rig can state
+MIN_HANGING = 1e-6  # of the load in what the winch moves
 SI_UNITS = "write the model in SI units: m, kg, s and N"
 
 
@@ -201,3 +204,47 @@ def check_fixed_rope(own: "OwnModel") -> None:
                 allowed="a winch, or a rope of fixed length",
                 remedy=f"add an actuator for {name} and name it as winch_drive, or remove the joint",
             )
+
+
+def check_response(own: "OwnModel") -> None:
+    """Raise InputError for a drive whose force does not change at once by its gain times its control."""
+    data = own.new_data(own.free)
+    own.place(data, own.rest)
+    own.hold(data)
+    moments = own.moments(data)
+    mujoco.mj_forward(own.free, data)
+    held = data.qfrc_actuator.copy()
+    for k, name in zip(own.drives, own.drive_names, strict=True):
+        gain, moment = own.model.actuator_gainprm[k, 0], moments[k]
+        address = own.model.actuator_actadr[k]
+        values, index = (data.ctrl, k) if address < 0 else (data.act, address)
+        value, shares = values[index], []
+        small = TRIED_CONTROL * max(1.0, abs(value))
+        for change in (small, -small):  # one of the two may be beyond a limit of the drive
+            values[index] = value + change
+            mujoco.mj_forward(own.free, data)
+            force = (data.qfrc_actuator - held) @ moment / (moment @ moment)
+            shares.append(float(force) / (gain * change))
+        values[index] = value
+        if not min(abs(share - 1.0) for share in shares) < MAX_COUPLING:
+            bias = own.model.actuator_biasprm[k]
+            needed = gain * value + bias[0] + bias[1] * data.actuator_length[k] + 0.0
+            raise InputError(
+                f"{own.file}: at rest, a small change of the control of {name} has "
+                f"{max(shares, key=abs):.3g} of the effect that its gain states",
+                allowed="drives that follow their controls, or filters of these, within their limits",
+                remedy=f"let ctrlrange of {name} include {value:.4g}, and its forcerange, or the "
+                f"actuatorfrcrange of its joint, {needed:.4g} N: they hold the crane at rest",
+            )
+
+
+def check_weight(own: "OwnModel") -> None:
+    """Raise InputError if no weight pulls at the winch."""
+    if not own.load_mass > max(MIN_HANGING * own.driven_masses[-1], MIN_LOAD):
+        lifted = [own.model.body(k).name or str(k) for k in np.flatnonzero(own.model.body_gravcomp)]
+        raise InputError(
+            f"{own.file}: the rope carries {max(own.load_mass, 0.0):.2g} kg to the load "
+            f"'{own.names.load}'" + (f": gravcomp lifts {', '.join(lifted)}" if lifted else ""),
+            allowed=f"a load of {MIN_LOAD:g} kg or more, whose weight the rope carries",
+            remedy="remove gravcomp" if lifted else "give the body of the load a mass",
+        )
