@@ -361,7 +361,13 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
     nothing = "and the scenario sets no limits: there is nothing to judge."
     for judged, limits, badge, reason in (
         (good, (kept,), "PASS", "(allowed: 100 nm), and the limit is kept."),
-        (good, (), "PLANTS AGREE", "(allowed: 100 nm)."),
+        (
+            good,
+            (),
+            "PLANTS AGREE",
+            "(allowed: 100 nm). No limits are set: the table [limits] of the scenario "
+            "adds a verdict on the controller.",
+        ),
         (far, (), "FAIL", "Analytic and mujoco disagree: their loads differ by 2.00 mm (allowed: 100 nm)."),
         (good, (kept, broken, broken), "FAIL", f"1 of 2 limits are broken: {too_much}"),
         (unjudged, (), "not judged", "The difference between the plants is not judged: nobody knows."),

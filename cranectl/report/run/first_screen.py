@@ -72,6 +72,10 @@ def verdict_on(logs: Logs, summaries: Summaries, agreements: Agreements) -> tupl
     if limits:
         good.append(f"{'all ' if len(limits) > 1 else 'the '}{_count(len(limits), 'limit')} kept")
     open_points = [*_reasons(judged)]
+    if good and not limits:
+        open_points.append(
+            "no limits are set: the table [limits] of the scenario adds a verdict on the controller"
+        )
     if not good and not judged:
         alone = "each run has one plant" if len(logs) > 1 else "only one plant was run"
         why = f"{alone}, and the scenario sets no limits"
