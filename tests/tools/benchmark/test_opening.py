@@ -113,7 +113,7 @@ def test_yours_is_marked_and_shown_where_scenarios_are_missing(small: Path, shar
     assert page.sections[0].title == "As published (defaults): failures and settling", "where yours has runs"
     assert all("mine (yours)" in figure.svg for figure in shown["result"].figures)
     rows = {row[0]: row for row in texts(shown["published-wide"].tables[0])}
-    assert rows["mine (yours)"][2] == ("yes" if shared else "1 of 2 scenarios")
+    assert rows["mine (yours)"][2] == ("none" if shared else "ran 1 of 2 scenarios")
     assert rows["mine (yours)"][3:5] == ["16" if shared else "8", "0.0"]
 
 

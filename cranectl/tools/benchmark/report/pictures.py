@@ -38,6 +38,7 @@ def draw_set(judged: Judged, name: str) -> Drawing:
     front, unfinished = judged.front(name), judged.unfinished(name).values()
     standings = [*judged.ranking(name), *(standing for standing, _ in unfinished if standing)]
     figure, axes = Chart.canvas(*PANEL)
+    axes.set_title(f"{name}: spread {judged.benchmark.sets[name].spread:g}")
     labels = []
     points = 100.0 * points_of(standings)[:, [0, 2]]
     for standing, point in zip(standings, points, strict=True):

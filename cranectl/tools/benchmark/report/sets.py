@@ -1,6 +1,7 @@
 """A set of cranes: how the controllers of a division stand, figures of it, each scenario by itself."""
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
@@ -21,6 +22,8 @@ OUR_CONTROLLER = "lqr-offset-free"
 COMPARED = "rms_error_m"  # with the baseline, crane by crane
 NAMED = ("controller", "knows")
 TITLES: dict[Division, str] = {"tuned": "Tuned", "published": "As published (defaults)"}
+# How runs fail: by the label of their status.
+WAYS = {"completed": "off goal", "slack-rope": "slack", "workspace-left": "left rig"}
 MAX_RATIO = 10.0
 NAMED_PROFILES = 8  # controllers that have a line of their own in a profile
 MIN_EFFORT = 1e-2  # [m/s²] that is drawn, on a logarithmic scale
@@ -124,37 +127,54 @@ def ranking_table(judged: Judged, name: str, title: str, shown: Collection[str] 
     """Return the ranking of a set, of all controllers or of those `shown`; the unfinished ones come last."""
     standings, number = judged.ranking(name), len(judged.shared_scenarios(name))
     better = scores.dominates(points_of(standings)) if standings else np.zeros((0, 0))
-    headings = (*NAMED, "front,\nor behind", "runs", "failed\n%", "failed\n95 %", "settled\n%",
+    headings = (*NAMED, "dominated\nby", "runs", "failed\n%", "failed\n95 %", "fails by", "settled\n%",
                 "unsettled\ntime %", "RMS u\nm/s²", "variation\nm/s² in 1 s")  # fmt: skip
     found: list[tuple[str, str, Cell | str, Standing | None]] = []  # controller, mark, place, numbers
     for standing, ahead in zip(standings, better.T, strict=True):
-        place = standings[int(np.argmax(ahead))].controller if ahead.any() else Cell.answer(True)
+        place = standings[int(np.argmax(ahead))].controller if ahead.any() else "none"
         found.append((standing.controller, "" if ahead.any() else "best", place, standing))
     for controller, (part, done) in judged.unfinished(name).items():
-        found.append((controller, "", Cell(f"{done} of {number} scenarios", "open"), part))
+        found.append((controller, "", Cell(f"ran {done} of {number} scenarios", "open"), part))
+    if judged.division == "published":  # what compares first guesses is no ranking
+        found.sort(key=lambda row: row[0])
     rows = [
-        Cell.row(*named(judged, controller, mark), place, *_numbers(numbers))
+        Cell.row(*named(judged, controller, mark), place, *_numbers(numbers, _ways(judged, name, controller)))
         for controller, mark, place, numbers in found
         if not shown or controller in shown
     ]
     note = (
         "Over scenarios that suit every kind of controller; effort and variation are medians of the runs. "
-        "Behind: the first one as good in unsettled time, effort and failures, and better in one of them."
+        "Variation: by how much the commanded accelerations change in a second, up and down. Dominated by: "
+        "the first one as good in unsettled time, effort and failures, and better in one of them."
     )
+    if judged.division == "published":
+        note += " In the order of the alphabet, since most defaults are first guesses."
     if judged.unfinished(name):
         note += " A controller that lacks scenarios is not ranked: its numbers are over those that it has."
     return Table(title, headings, tuple(rows), labels=3, note=note)
 
 
-def _numbers(standing: Standing | None) -> Sequence[str]:
+def _ways(judged: Judged, name: str, controller: str) -> str:
+    """Return in which ways runs of a controller fail, on the scenarios that all controllers share."""
+    ways: Counter[str] = Counter()
+    for scenario in judged.shared_scenarios(name):
+        if (runs := judged.runs(name, scenario, controller)) is not None:
+            for row in np.flatnonzero(runs.failed).tolist():
+                status = runs.status[row]
+                ways[WAYS.get(status, status)] += 1
+    return ", ".join(f"{way} {count}" for way, count in ways.most_common()) or "–"
+
+
+def _numbers(standing: Standing | None, ways: str) -> Sequence[str]:
     """Return the columns of a standing from `runs` on; empty if it has none."""
     if standing is None:
-        return [""] * 7
+        return [""] * 8
     low, high = failure_interval(standing.failures, standing.runs)
     return (
         str(standing.runs),
         f"{100.0 * standing.failed:.1f}",
         f"{100.0 * low:.1f} to {100.0 * high:.1f}",
+        ways,
         f"{100.0 * standing.settled:.0f}",
         f"{100.0 * standing.unsettled:.1f}",
         finite(standing.effort, ".3f", "fails"),
