@@ -96,7 +96,7 @@ def _print_model(file: Path, rig: "RigParameters", *, as_is: bool, screen: Scree
         ("pose of the file", _pose(own)),
         *((d.text, f"{d.meaning}{f'; {d.line}' * bool(d.line)}") for d in differences),
         *(
-            (Quantity(size, "m").difference() if size < own.rest[4] else f"> {own.rest[4]:.3g} m", cause)
+            (Quantity(size, "m").difference() if size < own.rest[4] else "not separable", cause)
             for cause, size in sizes
         ),
         ("check", "differs from the rigid crane" if differences else "no difference from the rigid crane"),
