@@ -1,15 +1,17 @@
 """The check of a model file names each difference from the rigid crane with its size and meaning."""
 
 import shutil
+from math import inf
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+from cranectl.cli.main import main
 from cranectl.plants.mujoco.own_check import ModelDifference, find_differences
 from cranectl.plants.mujoco.own_model import open_model
-from cranectl.plants.mujoco.own_motion import MOTION_SAMPLES, TrialMotion, cause_sizes
+from cranectl.plants.mujoco.own_motion import MOTION_SAMPLES, CauseSize, TrialMotion, cause_sizes
 from cranectl.scenario.rig import ModelNames
 from cranectl.support import Array
 from cranectl.support.resources import Shipped
@@ -252,3 +254,16 @@ SAME = {
 def test_what_leaves_the_crane_the_same_is_no_difference(what: str, tmp_path: Path) -> None:
     name, changes = SAME[what]
     assert differences_of(name, tmp_path, *changes) == ()
+
+
+def test_a_cause_without_which_nothing_hangs_has_no_millimetres(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Without its inertia a load on a damped ball joint spins ever faster."""
+    sizes = [CauseSize("all together", 0.01), CauseSize("inertia of load", inf), CauseSize("springs", 9.0)]
+    monkeypatch.setattr("cranectl.plants.cause_sizes", lambda _: sizes)
+    assert main(["info", str(MODELS / "double-pendulum.xml"), "--as-is"]) == 0
+    lines = [line.split("  ", 1) for line in capsys.readouterr().out.splitlines()]
+    told = {text.strip(): size for size, *rest in lines for text in rest}
+    assert told["all together"] == "10.0 mm"
+    assert told["inertia of load"] == told["springs"] == "not separable"
