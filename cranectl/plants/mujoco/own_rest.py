@@ -48,9 +48,11 @@ def find_rest(own: "OwnModel") -> Array | None:
         slopes = [
             (missing(*np.split(SLIGHT * unit, [model.nv])) - value) / SLIGHT for unit in np.eye(model.nv + n)
         ]
+        if not (np.isfinite(value).all() and np.isfinite(slopes).all()):
+            return None
         step = np.linalg.lstsq(np.array(slopes).T, -value, rcond=INDIFFERENT)[0]
         # Short steps find the rest nearby, which is stable: a load can also rest upside down.
-        step *= min(1.0, MAX_MOVE / np.abs(step[: model.nv]).max())
+        step *= MAX_MOVE / max(MAX_MOVE, np.abs(step[: model.nv]).max())
         mujoco.mj_integratePos(model, position, step[: model.nv], 1.0)
         forces += step[model.nv :]
     return None
