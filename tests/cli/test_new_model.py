@@ -84,3 +84,20 @@ def test_what_is_known_need_not_be_guessed(output: Command, refusal: Command) ->
     mass = ("new", "model", str(MODELS / "tendon.xml"), "--set", "rig.load_mass=2")
     assert "leave it out, and write it into the rig" in refusal(*mass)
     assert "leave --set out" in refusal("new", "rig", "mine", "--set", "rig.axes=x")
+
+
+def test_a_rope_of_many_digits_is_begun_with_exactly(output: Command) -> None:
+    """Joints cannot bring the load of a fixed rope to a place that was rounded."""
+    file = changed(MODELS / "planar.xml", Path(), ("0 0 -0.5", "0 0 -0.417857142857"), name="exact")
+    said = output("new", "model", str(file))
+    scenario = tomllib.loads(Path("exact.toml").read_text())
+    assert (
+        scenario["reference"]["start"][2] == scenario["reference"]["segments"][0]["to"][2] == -0.417857142857
+    )
+    assert output(*told(said, "run it"))
+
+
+def test_a_refusal_on_a_fixed_rope_names_what_was_asked_for(output: Command, refusal: Command) -> None:
+    output("new", "model", str(MODELS / "planar.xml"))
+    said = refusal("run", "planar.toml", "--drive", "force", "--controller", "lqr")
+    assert "controller lqr on a crane with rig.rope = 'fixed'" in said
