@@ -85,7 +85,7 @@ class ModelFiles:
         return texts[-1]
 
     def _scenarios(self, rig: "RigParameters", clearance: float) -> Iterator[str]:
-        """Yield scenarios with motions, and last one with none; they keep `clearance` from ends of ranges."""
+        """Yield scenarios that move, then one that holds; all keep `clearance` [m] from ends of ranges."""
         import numpy as np
 
         low, high = rig.workspace.T

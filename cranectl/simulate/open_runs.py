@@ -70,7 +70,7 @@ class OpenRuns(SteppedCranes):
         InputError
             If a state or target is outside the workspace, or numbers of states, seeds and cranes differ.
             Cranes before a refused one have begun again. Scenarios with another control period are refused,
-            and those that a plant cannot show: then no crane has another scenario.
+            and those that a plant cannot show, before any crane has another one.
         """
         chosen = self._chosen(cranes)
         starts = [

@@ -18,7 +18,7 @@ MAX_PANELS = 4  # controllers in the picture
 
 
 def first_screen_of(analysis: Analysis, verdicts: Sequence[FailureVerdict] = ()) -> FirstScreen:
-    """Return the first screen; `verdicts` say whether as many runs fail as are allowed, if that was asked."""
+    """Return the first screen; `verdicts` say whether too many runs fail, if a number was allowed."""
     summaries = [part.summary for part in analysis.groups]
     figure = _picture(analysis)
     return FirstScreen(

@@ -33,7 +33,6 @@ class ModelDifference(NamedTuple):
     what: str
     size: float  # [m/s²]; 0 for drives of another kind
     meaning: str
-
     line: str = ""  # to be written into the file, if one is known
 
     @property

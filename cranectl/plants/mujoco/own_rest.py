@@ -18,9 +18,10 @@ INDIFFERENT = 1e-6  # share of the largest slope, of what may be anywhere, such 
 
 
 def find_rest(own: "OwnModel") -> Array | None:
-    """Return positions of joints (nq,) in which all rests, also what the sites do not show, by Newton.
+    """Return positions of joints (nq,) in which all parts rest, also those that the sites do not show.
 
-    Axes stay where they are. None if the pose is at rest, or if no rest is found nearby.
+    They are found by Newton's method; axes stay where they are. None if the pose is at rest, or if no rest
+    is found nearby.
     """
     model, n = copy.copy(own.free), len(own.axes)
     for flag in (mujoco.mjtDisableBit.mjDSBL_ACTUATION, mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
