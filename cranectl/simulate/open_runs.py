@@ -70,7 +70,7 @@ class OpenRuns(SteppedCranes):
         InputError
             If a state or target is outside the workspace, or numbers of states, seeds and cranes differ.
             Cranes before a refused one have begun again. Scenarios with another control period are refused,
-            and those that a plant cannot show, before any crane has another one.
+            and those that a plant cannot show: then no crane has another one, but some may have begun again.
         """
         chosen = self._chosen(cranes)
         starts = [
@@ -94,20 +94,34 @@ class OpenRuns(SteppedCranes):
         return self.states
 
     def _change(self, changed: Mapping[int, Any]) -> None:
-        """Give cranes other scenarios; raise InputError, and change none, if one cannot be shown."""
-        plan, whole = functools.cache(Plan.of), list(self.scenarios)
+        """Give cranes other scenarios; raise InputError, and change none, if one cannot be shown.
+
+        A plant may refuse only when it is made, and by then others have taken new numbers. They take the
+        old ones back and begin again, since new numbers cost a plant its state.
+        """
+        plan, old = functools.cache(Plan.of), list(self.scenarios)
         for i, scenario in changed.items():
             Arguments.check("scenarios", scenario, Scenario)
             PLANTS.entry(self._plants[i].name).check_scenario(scenario, self._plants[i].drive)
-        check_together([*changed.values(), whole[0]])
-        plans = {i: plan(scenario) for i, scenario in changed.items()}
+        check_together([*changed.values(), old[0]])
+        plans, made, retuned = {i: plan(scenario) for i, scenario in changed.items()}, {}, []
+        try:
+            for i, scenario in changed.items():
+                plant = self._plants[i]
+                steps = {PhysicsStep(of, plant.drive).per_period for of in (old[i], scenario)}
+                if len(steps) == 1 and plant.retune(scenario.rig, scenario.effects_on_plant):
+                    retuned.append(i)
+                else:
+                    made[i] = PLANTS.make(plant.name, scenario, plant.drive)
+        except Exception:
+            for i in retuned:
+                self._plants[i].retune(old[i].rig, old[i].effects_on_plant)
+            self._begin((i, None, None, None) for i in retuned)
+            raise
         for i, scenario in changed.items():
-            plant = self._plants[i]
-            steps = {PhysicsStep(of, plant.drive).per_period for of in (whole[i], scenario)}
-            if len(steps) > 1 or not plant.retune(scenario.rig, scenario.effects_on_plant):
-                self._plants[i] = PLANTS.make(plant.name, scenario, plant.drive)
-            self._plans[i], whole[i] = plans[i], scenario
-        self.scenarios = tuple(whole)
+            self._plants[i] = made.get(i, self._plants[i])
+            self._plans[i], old[i] = plans[i], scenario
+        self.scenarios = tuple(old)
 
     def step(self, commands: Array, samples: int = 1) -> Array:
         """Hold commands for some samples, and return the states after them.

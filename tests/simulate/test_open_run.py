@@ -279,6 +279,26 @@ def test_refused_scenarios_change_no_crane() -> None:
     assert list(cranes.scenarios) == before
 
 
+@pytest.mark.parametrize("plant", ["analytic", "mujoco"])
+def test_a_plant_that_cannot_be_made_leaves_all_cranes_as_they_were(
+    plant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = [moving("rig.load_mass=1.2"), moving()]
+    cranes, expected = (open_runs(before, plant=plant, drive="velocity") for _ in range(2))
+
+    def refuse(*_: object) -> None:
+        raise cranectl.InputError("no plant", allowed="one", remedy="none")
+
+    monkeypatch.setattr(type(cranectl.plants.PLANTS), "make", refuse)
+    finer = moving("control.physics_step=0.0001")  # which takes another plant
+    with pytest.raises(cranectl.InputError, match="no plant"):
+        cranes.reset(scenarios=[moving("rig.load_mass=1.9"), finer])
+    assert list(cranes.scenarios) == before
+    commands = np.full((2, 3), 0.1)
+    assert np.array_equal(cranes.step(commands, samples=200), expected.step(commands, samples=200))
+    assert np.array_equal(cranes.tensions, expected.tensions)
+
+
 @pytest.mark.parametrize(("cranes", "begun"), [([False, True, False], [1]), ([], []), ([2, 0], [0, 2])])
 def test_cranes_are_chosen_by_number_or_mask(cranes: list[int], begun: list[int]) -> None:
     together = open_runs([moving()] * 3)
