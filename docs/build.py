@@ -171,7 +171,7 @@ def build(directory: Path, gallery: bool = True) -> None:
     # Examples call `cranectl`, as users do: that of this Python.
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     sphinx = [sys.executable, "-m", "sphinx", *options, source, directory]
-    subprocess.run(sphinx, check=True, env={**os.environ, "PATH": path})
+    subprocess.run(sphinx, check=True, env={**os.environ, "PATH": path, "PYTHONPATH": str(DOCS)})
     if undescribed := undescribed_pictures(directory):
         what = "pictures without a description (alt text, or title of a figure):"
         sys.exit("\n".join([what, *undescribed]))

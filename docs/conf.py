@@ -1,5 +1,9 @@
 """How Sphinx builds the site. `make docs` calls it with the pages that docs/build.py has gathered."""
 
+from typing import Any
+
+import gallery_style
+
 project = "cranectl"
 author = "the cranectl authors"
 project_copyright = f"%Y, {author}"
@@ -42,10 +46,14 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "show_signature": False,
     "capture_repr": (),
+    "reset_modules": ("gallery_style.set_style",),
+    "thumbnail_size": gallery_style.THUMBNAIL,
 }
 
 # Appearance. Nothing is loaded from the network.
 html_theme = "pydata_sphinx_theme"
+html_static_path = ["looks"]
+html_css_files = ["gallery.css"]
 html_show_search_summary = False  # a summary is fetched, which a page from the disk cannot do
 html_show_sourcelink = False
 html_copy_source = False
@@ -62,3 +70,8 @@ html_theme_options = {
     "show_toc_level": 2,
 }
 pygments_style = "a11y-high-contrast-light"
+
+
+def setup(app: Any) -> None:
+    """Crop the thumbnails once the examples have run, which sphinx-gallery does at the same event."""
+    app.connect("builder-inited", gallery_style.crop_thumbnails, priority=900)

@@ -4,7 +4,7 @@ A benchmark of your own controller
 
 The benchmark runs your controller on the same cranes, and under the same rules, as the published
 ones. Two scenarios and two cranes give a first impression in seconds; without ``--scenario`` and
-``--draws`` the whole set runs. The controller is the one of :doc:`03_python_controller`.
+``--draws`` the whole set runs. The controller is the one of :doc:`06_python_controller`.
 """
 
 import json
