@@ -1,4 +1,4 @@
-"""Draw the figures of docs/explanation/ into docs/pictures/, from runs or from results of a proof.
+"""Draw the figures of explanations, and of the thesis's page, into docs/pictures/.
 
 python docs/figures.py            draw all of them
 python docs/figures.py DIRECTORY  draw them into another folder
@@ -6,6 +6,7 @@ python docs/figures.py DIRECTORY  draw them into another folder
 
 import json
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from cranectl.planning import load_scenario
 from cranectl.simulate import Run, simulate_run
 
 IDENTIFICATION = Path(__file__).resolve().parents[1] / "validation" / "proofs" / "identification.json"
+THESIS = Path(__file__).resolve().parents[1] / "validation" / "thesis" / "printed.toml"
 PICTURES = Path(__file__).resolve().parent / "pictures"
 COLOURS = ("#1f6fb4", "#d9601a", "#2f8f4e", "#8a4fa3")
 GREY = "#666666"
@@ -134,7 +136,31 @@ def verdicts() -> Figure:
     return figure
 
 
-FIGURES = {draw.__name__: draw for draw in (flatness, drives, delays, observers, verdicts)}
+def thesis() -> Figure:
+    """Draw how far two disturbances push the held load: over time, and at the end as printed in Table 5.2."""
+    printed = tomllib.loads(THESIS.read_text(encoding="utf-8"))
+    norms = {entry["controller"]: entry["gamma"] for entry in printed["norms"]}
+    rows = printed["tables"]["5.2"]["rows"]
+    figure, (time, end) = canvas(3.4, 1, 2, width_ratios=(1.35, 1.0))
+    for place, (controller, position) in enumerate(rows.items()):
+        overrides = [f"design.hinf.gamma={norms[controller]}"] if controller.endswith("+hinf") else []
+        scenario = load_scenario("fixed-position", overrides=overrides)
+        run = simulate_run(scenario, plant="analytic", controller=controller, drive="ideal")
+        error, target = error_of(run), run.reference[-1, :3]
+        colour, dashed = COLOURS[place % 3], controller.startswith("lqr")
+        time.plot(run.time, error, color=colour, ls="--" if dashed else "-", label=controller)
+        end.plot(error[-1], place, "o", color=colour, ms=4)
+        end.plot(1e3 * np.linalg.norm(position - target), place, "o", color=GREY, mfc="none", ms=9)
+    finish_axes(time, "Under two disturbances (dashed: LQR)", "time [s]", "load off its place [mm]", False)
+    end.set_yticks(range(len(rows)), rows)
+    for place, label in enumerate(end.get_yticklabels()):
+        label.set_color(COLOURS[place % 3])
+    end.invert_yaxis()
+    finish_axes(end, "At the end: ring printed, dot run", "load off its place [mm]", "", legend=False)
+    return figure
+
+
+FIGURES = {draw.__name__: draw for draw in (flatness, drives, delays, observers, verdicts, thesis)}
 
 
 def main(directory: Path) -> None:

@@ -15,6 +15,7 @@ from cranectl.reference import TimeLaw
 from cranectl.report import Cell, Chart, DesignReport, Family, Figure, LogPage, Page, RunCurve, Section, Table
 from cranectl.simulate import Run
 from cranectl.support import TOML, Shipped
+from cranectl.tools.thesis.first_screen import thesis_screen
 from cranectl.tools.thesis.reproduction import (
     FEEDBACK,
     ROBUSTIFIERS,
@@ -122,7 +123,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
         "this reading of it comes closest to Table 5.3."
     )
     designs = (gain_table(reproduction), tables["norms"], robustifier_table(reproduction))
-    held, settled = (figures.of(scenario) for scenario in FIRST_FIGURE)
+    held, (path, *settled) = (figures.of(scenario) for scenario in FIRST_FIGURE)
     sections = (
         _summary(reproduction),
         Section("structure", "Model and control loop", (redrawn,), figures=_diagrams("2.1", "4.1")),
@@ -136,7 +137,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
             "Load on the settled trajectory",
             (circle,),
             (tables["5.3"], tables["5.4"]),
-            settled,
+            tuple(settled),
         ),
     )
     lead = (
@@ -144,21 +145,17 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
         "(TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model and "
         "MuJoCo."
     )
-    return Page(f"The thesis, run again: {reproduction.summary}", lead, sections, remade_by)
+    first = thesis_screen(reproduction, [path])
+    return Page("The thesis, run again", lead, sections, remade_by, first)
 
 
 def _summary(reproduction: Reproduction) -> Section:
-    """Return the section that counts the printed numbers; unexplained differences are folded."""
-    count = (
-        f"The thesis prints {len([*reproduction.numbers()])} numbers, which are compared with the analytic "
-        f"plant and with MuJoCo's: {reproduction.summary}. A fitted tolerance allows for a difference that "
-        "nobody can explain yet."
-    )
+    """Return the section that says what differs; what is known of unexplained differences is folded."""
     rows = tuple(Cell.row(", ".join(numbers), why) for why, numbers in reproduction.open_points.items())
     title = f"What nobody can explain: {len(rows)} differences"
     table = Table(title, ("table and column", "what is known"), rows, labels=2, folded=True)
-    sentences = (f"{text[0].upper()}{text[1:]}." for text in reproduction.unnoticed)
-    return Section("summary", "In short", (count, *sentences), (table,))
+    sentences = tuple(f"{text[0].upper()}{text[1:]}." for text in reproduction.unnoticed)
+    return Section("summary", "What differs", sentences, (table,))
 
 
 def _feedback_figures(feedback: str, runs: dict[tuple[str, str], Run]) -> Iterable[Figure]:
