@@ -77,6 +77,7 @@ def test_cranectl_comes_from_one_variable(example: Path, tmp_path: Path) -> None
     ("value", "is_taken"),
     [
         ("wheels/cranectl-0.3.0-py3-none-any.whl", True),
+        ("wheels/cranectl-0.3.0-py3-none-any.whl[fmi]", True),
         ("git+https://host/owner/cranectl@v0.3.0", True),
         ("git+ssh://git@host/owner/cranectl.git@v0.3.0", True),
         ("cranectl[fmi] @ git+https://host/owner/cranectl@v0.3.0", True),

@@ -42,6 +42,11 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         )
 
     @staticmethod
+    def open_own(scenario: scenario_files.Scenario, source: str) -> str:
+        """Return the name of the controller of `scenario`; if its file, `source`, names a file, open that."""
+        return ControllerName.open(scenario.controller.name, scenario_files.ScenarioFile.find(source).parent)
+
+    @staticmethod
     def option(function: F) -> F:
         """Add `--controller` and `--trust` to a command that takes `scenario`."""
 
@@ -57,8 +62,7 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         @functools.wraps(function)
         def command(*, trust: bool, controller: str | None, scenario: str, **options: Any) -> Any:
             if trust and controller is None:
-                named = scenario_files.ScenarioFile.read(scenario).controller.name
-                controller = ControllerName.open(named, scenario_files.ScenarioFile.find(scenario).parent)
+                controller = ControllerName.open_own(scenario_files.ScenarioFile.read(scenario), scenario)
             return function(controller=controller, scenario=scenario, **options)
 
         return command  # type: ignore[return-value]

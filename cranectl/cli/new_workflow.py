@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cranectl.cli.info_settings import kind_of
+from cranectl.controllers import ALL_CONTROLLERS
 from cranectl.support import TOML, InputError
 
 TEMPLATE = Path(__file__).parent / "templates" / "workflow.yml.txt"
 OTHERS = ("logs", "build", "dist", "node_modules")  # folders that hold no sources
 MAX_FAILURES = "5%"  # of a campaign, to begin with
 PIP_CACHE = "          cache: pip\n          cache-dependency-path: pyproject.toml\n"  # only with that file
+# A report is wanted most when what it reports has failed.
+ALSO_AFTER_FAILURE = "        if: ${{ !cancelled() && steps.installed.outcome == 'success' }}\n"
 UPLOAD = """\
       - uses: actions/upload-artifact@v4 # pages, tests, and logs of what failed, to be opened in Foxglove
         if: always()
@@ -28,6 +31,7 @@ class Repository(NamedTuple):
     tests: list[Path]
     scenarios: list[str]  # files, or folders that hold nothing else
     campaigns: list[Path]
+    trusting: set[str]  # kinds of files of which one names a controller's file: its code runs with --trust
     project: dict[str, Any]  # the table [project] of pyproject.toml; empty without one
     is_package: bool  # whether there is a pyproject.toml
 
@@ -42,6 +46,7 @@ class Repository(NamedTuple):
             tests=[path for path in files if path.match("test_*.py")],
             scenarios=[*_grouped(kinds)],
             campaigns=[path for path, kind in kinds.items() if kind == "campaign"],
+            trusting={kind for path, kind in kinds.items() if kind and _names_code(folder / path)},
             project=TOML.read(file).get("project", {}) if file.is_file() else {},
             is_package=file.is_file(),
         )
@@ -60,6 +65,9 @@ class Repository(NamedTuple):
         own = '".[test]"' if has_extra else ". pytest" if self.is_package else "pytest"
         return f'"$CRANECTL" {own}'
 
+    def _trust(self, kind: str) -> list[str]:
+        return ["--trust"] if kind in self.trusting else []
+
     def steps(self) -> Iterator[tuple[list[str], list[str]]]:
         """Yield commands of the steps, in lines, and what they write."""
         if self.tests:
@@ -67,6 +75,7 @@ class Repository(NamedTuple):
         if self.scenarios:
             own = self.project.get("entry-points", {}).get("cranectl.controllers", {})
             options = [f"--controller {shlex.quote(name)}" for name in own]
+            options += self._trust("scenario") if not own else []
             yield (
                 [
                     " ".join(["cranectl validate", *self.scenarios, *options, "--keep failed"]),
@@ -76,9 +85,10 @@ class Repository(NamedTuple):
             )
         for campaign in self.campaigns:
             logs, results = shlex.quote(f"logs/{campaign.stem}"), shlex.quote(campaign.stem)
+            run = f"cranectl campaign run {shlex.quote(campaign.as_posix())}"
             yield (
                 [
-                    f"cranectl campaign run {shlex.quote(campaign.as_posix())} --out {logs}",
+                    " ".join([run, *self._trust("campaign"), f"--out {logs}"]),
                     f"--max-failures {MAX_FAILURES} --junit {results}.xml",
                 ],
                 [f"{campaign.stem}.xml"],
@@ -96,6 +106,7 @@ def workflow_text(name: str, folder: Path) -> str:
     for lines, files in repository.steps():
         text += f"      - run: {lines[0]}\n" if len(lines) == 1 else "      - run: >-\n"
         text += "".join(f"          {line}\n" for line in lines if len(lines) > 1)
+        text += ALSO_AFTER_FAILURE
         written += files
     return text + UPLOAD + "".join(f"            {path}\n" for path in [*written, "logs/"])
 
@@ -118,6 +129,15 @@ def _kind(path: Path) -> str:
         return "scenario" if kind_of(path) == "scenario" else ""
     except InputError:  # another kind, or no TOML
         return ""
+
+
+def _names_code(path: Path) -> bool:
+    """Return True if a scenario or campaign names the file of a controller."""
+    table = TOML.read(path)
+    controller = table.get("controller", "")
+    names = [controller.get("name") if isinstance(controller, dict) else controller]
+    names += table["controllers"] if isinstance(table.get("controllers"), list) else []
+    return any(isinstance(name, str) and ALL_CONTROLLERS.is_reference(name) for name in names)
 
 
 def _grouped(kinds: dict[Path, str]) -> Iterator[str]:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 @Count.option("--jobs", "Worker processes. Default: one for each core.", highest=Count.MAX_WORKERS)
 @ScenarioRequest.every_option
 @ControllerName.timeout_option
+@ControllerName.trust_option("SCENARIO")
 @click.option(
     "--keep",
     type=click.Choice(["all", "failed", "none"]),
@@ -74,6 +75,7 @@ def validate_command(
     out: Path,
     jobs: int | None,
     timeout: float,
+    trust: bool,
     keep: Literal["all", "failed", "none"],
     pairwise: bool,
     details: bool,
@@ -123,17 +125,20 @@ def validate_command(
         f"{name} is given more than once, and judged once" for name, n in sources.items() if n > 1
     )
     loaded, unloaded = _loaded(request, tuple(sources), plants)
+    controllers_of: dict[str, Sequence[str]] = dict.fromkeys(loaded, names)
+    if not controllers:
+        controllers_of |= {source: _usual_or_own(scenario, names) for source, scenario in loaded.items()}
+        _open_own(controllers_of, loaded, unloaded, trust)
     cases = _cases(
-        loaded, names, drive, plants, out=out, keep=keep, pairwise=pairwise, timeout=timeout,
-        stated=bool(controllers),
-    )  # fmt: skip
+        loaded, controllers_of, drive, plants, out=out, keep=keep, pairwise=pairwise, timeout=timeout
+    )
     screen.print_each(dict.fromkeys(line for case in cases for line in case.left_out))
     validation = _run(cases, unloaded, plants, out, jobs)
     code = _exit_code(validation)
     pairs = case_runs.Pairwise.of(validation) if pairwise else None
     screen.print_each(pages.DifferenceTables.pairs(pairs) if pairs and pairs.pairs else ())
     print_results(validation, code, out, screen, details=details)
-    idle = IdleSettings.timeout_lines(names, timeout)
+    idle = IdleSettings.timeout_lines([case.controller for case in cases] or names, timeout)
     for source, scenario in loaded.items():
         uses = [(p, case.drive, case.controller) for case in cases for p in case.plants]
         unread = ("log.*",) * (keep == "none")
@@ -155,7 +160,7 @@ def validate_command(
 
 def _cases(
     loaded: Mapping[str, "Scenario"],
-    controllers: Sequence[str],
+    controllers_of: Mapping[str, Sequence[str]],
     drive: str,
     plants: tuple[str, ...],
     *,
@@ -163,12 +168,8 @@ def _cases(
     keep: Literal["all", "failed", "none"],
     pairwise: bool,
     timeout: float,
-    stated: bool,
 ) -> list["case_runs.Case"]:
-    """Return a case for each scenario, controller and drive, with logs in `out` that all differ.
-
-    Controllers that are not `stated` by the user are the usual ones.
-    """
+    """Return a case for each scenario, controller and drive, with logs in `out` that all differ."""
     several: dict[str, tuple[Drive, ...]] = {"both": ("ideal", "velocity"), "all": tuple(DRIVES)}
     drives = several.get(drive) or (DRIVES.checked(drive),)
     cases = [
@@ -184,7 +185,7 @@ def _cases(
             timeout=timeout,
         )
         for source, scenario in loaded.items()
-        for name in (controllers if stated else _usual_or_own(scenario, controllers))
+        for name in controllers_of[source]
         for kind in _common_drives(scenario.rig, plants, drives)
     ]
     case_runs.Case.check_logs_differ(cases)
@@ -194,6 +195,25 @@ def _cases(
 def _usual_or_own(scenario: "Scenario", usual: Sequence[str]) -> Sequence[str]:
     own = scenario.controller.name
     return usual if own in usual else (own,)
+
+
+def _open_own(
+    controllers_of: dict[str, Sequence[str]],
+    loaded: dict[str, "Scenario"],
+    unloaded: dict[str, "case_runs.Failure"],
+    trust: bool,
+) -> None:
+    """Open the files that scenarios name as their controllers, if the user trusts them.
+
+    A scenario whose controller cannot be opened is moved to those that are not loaded.
+    """
+    for source, (name, *_) in [*controllers_of.items()]:
+        try:
+            if trust and ALL_CONTROLLERS.is_reference(name):
+                controllers_of[source] = (ControllerName.open_own(loaded[source], source),)
+        except Exception as error:
+            unloaded[source] = case_runs.Failure.of(error)
+            del loaded[source]
 
 
 def _run(

@@ -173,6 +173,9 @@ CASES: Cases = {
         Case("if you know what is in it, add --trust, or name it: --controller PATH",
              "run own.toml --plants analytic", "run own.toml --plants analytic --trust",
              "run own.toml --plants analytic --controller law.py:damper"),
+        Case("if you know what is in it, add --trust, or name it: --controller PATH",
+             "validate own.toml --drive ideal", "validate own.toml --drive ideal --trust",
+             "validate own.toml --drive ideal --controller law.py:damper"),
     ],
     "tools/export/plant.py": [
         Case("take '--plants {}'", f"{RUN} mujoco --fmu crane.fmu", f"{RUN} analytic --fmu crane.fmu"),

@@ -1,5 +1,6 @@
 """`cranectl new workflow` tests what a repository has, and its commands run."""
 
+import re
 import shlex
 import shutil
 import subprocess
@@ -65,6 +66,39 @@ def test_it_has_a_step_for_what_is_there_and_no_other(capsys: pytest.CaptureFixt
     assert main(["new", "workflow", "test"]) == 0
     assert job()["steps"][1]["with"]["cache-dependency-path"] == "pyproject.toml"
     assert job()["steps"][3]["run"].endswith('"$CRANECTL" . pytest')
+
+
+def test_a_failed_step_hides_no_other_result() -> None:
+    for kind in ("scenario", "campaign"):
+        assert main(["new", kind, f"own-{kind}", "--in", f"{kind}s"]) == 0
+    assert main(["new", "workflow", "test"]) == 0
+    steps = job()["steps"]
+    (installed,) = [place for place, step in enumerate(steps) if step.get("id") == "installed"]
+    judging = [step["if"] for step in steps[installed + 1 :] if "run" in step]
+    assert judging == ["${{ !cancelled() && steps.installed.outcome == 'success' }}"] * 4
+
+
+@pytest.mark.slow
+def test_controllers_in_files_that_scenarios_and_campaigns_name_are_trusted() -> None:
+    """A repository's own code. Where its commands run, the scenario is judged with that controller."""
+    assert main(["new", "controller", "damper", "--in", "laws"]) == 0
+    assert main(["new", "scenario", "carry", "--in", "laws"]) == 0
+    scenario, law = Path("laws/carry.toml"), 'controller = "damper.py:CONTROLLER"'
+    scenario.write_text(re.sub("(?m)^controller = .*", law, scenario.read_text()))
+    Path("loads.toml").write_text(
+        'name = "loads"\nscenario = "laws/carry.toml"\nruns = 4\nseed = 1\n'
+        'controllers = ["laws/damper.py:CONTROLLER"]\n\n[uncertain.rig.load_mass]\n'
+        'distribution = "uniform"\nlow = 0.9\nhigh = 1.3\n'
+    )
+    assert main(["new", "workflow", "test"]) == 0
+    _, validate, campaign, report = commands()
+    assert main([*shlex.split(validate)[1:], "--set", "limits.max_error_m=2", "--json", "out.json"]) == 0
+    text = Path("out.json").read_text()
+    assert set(re.findall(r'"controller": "([^"]+)"', text)) == {"damper"}
+    for command in (campaign, report):
+        assert main(shlex.split(command)[1:]) == 0
+    Path("laws/damper.py").unlink()
+    assert main(shlex.split(validate)[1:]) == 2
 
 
 @pytest.mark.parametrize("folder", ["here", "no-such-folder"])
