@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from cranectl.cases.case import CaseResult, RunSummary
@@ -47,11 +47,10 @@ class JudgedValue:
 def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
     """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
     metric = Metric.named(limit.metric)
-    factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), metric.unit).scale()
-    if metric.unit == "rad":
-        factor, unit = math.degrees(1.0), "°"
-    value = None if limit.value is None else factor * limit.value
-    measured, allowed = replace(limit, value=value, limit=factor * limit.limit).texts
+    factor, unit = metric.shown
+    if unit == metric.unit:
+        factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), unit).scale()
+    measured, allowed = limit.texts_times(factor)
     meaning, sign = metric.meaning.partition(";")[0], "≥" if metric.better == "higher" else "≤"
     name = f"{meaning[0].upper()}{meaning[1:]}{f' ({plant})' if plant else ''}"
     space = "" if unit == "°" else " "

@@ -84,22 +84,34 @@ class LimitVerdict:
     @property
     def fault(self) -> str:
         """A phrase for a run that breaks the limit."""
-        value, limit = self.texts
-        unit = Metric.named(self.metric).unit
-        return (
-            f"breaks the limit {limit} {unit} of {self.metric}: {f'{value} {unit}' if value else 'no value'}"
-        )
+        value, limit = self.quantities
+        metric = Metric.named(self.metric)
+        typed = f" ({self.limit:.4g} rad)" if metric.unit == "rad" else ""  # as the scenario has it
+        return f"breaks the limit {limit}{typed} of {self.metric}: {value or 'no value'}"
+
+    @property
+    def quantities(self) -> tuple[str, str]:
+        """Value and limit as `texts`, with their unit."""
+        unit = Metric.named(self.metric).shown[1]
+        value, limit = (f"{text}{'' if unit == '°' else ' '}{unit}" if text else "" for text in self.texts)
+        return value, limit
 
     @property
     def texts(self) -> tuple[str, str]:
-        """Value and limit with at least four digits, and as many more as make them differ.
+        """Value and limit in the unit of `Metric.shown`, with four digits or as many as make them differ.
 
         The text of a missing value is empty.
         """
+        return self.texts_times(Metric.named(self.metric).shown[0])
+
+    def texts_times(self, factor: float) -> tuple[str, str]:
+        """Return `texts` in another unit, to which `factor` leads."""
+        limit = factor * self.limit
         if self.value is None:
-            return "", f"{self.limit:.4g}"
-        texts = ((f"{self.value:.{digits}g}", f"{self.limit:.{digits}g}") for digits in range(4, 18))
-        return next(pair for pair in texts if pair[0] != pair[1] or self.value == self.limit)
+            return "", f"{limit:.4g}"
+        value = factor * self.value
+        texts = ((f"{value:.{digits}g}", f"{limit:.{digits}g}") for digits in range(4, 18))
+        return next(pair for pair in texts if pair[0] != pair[1] or value == limit)
 
     @property
     def overrun(self) -> float:

@@ -7,7 +7,7 @@ and docs/reference/metrics.md.
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import inf
+from math import degrees, inf
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -79,6 +79,11 @@ class Metric:
     def limited(self) -> bool:
         """Whether scenarios and campaigns may limit it: a recorded number of which less or more is better."""
         return bool(self.better) and not self.parts and self.recorded
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """The factor to the unit in which people read it, and that unit: degrees for an angle."""
+        return (degrees(1.0), "°") if self.unit == "rad" else (1.0, self.unit)
 
     @property
     def columns(self) -> tuple[str, ...]:

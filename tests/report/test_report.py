@@ -357,7 +357,8 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
     broken = LimitVerdict("max_sway_rad", 0.25, 0.2, False)
     far = replace(good, max_load_error_m=2e-3, passed=False)
     unjudged = replace(good, passed=None, limit_m=None, limit_rad=None, limits="nobody knows")
-    too_much = "max_sway_rad is 0.25 rad, its limit is 0.2 rad."
+    none_left = LimitVerdict("saturated_s", 1.0, 0.0, False)
+    too_much = "largest angle between rope and plumb line is 14.32°, its limit is 11.46°."
     nothing = "and the scenario sets no limits: there is nothing to judge."
     for judged, limits, badge, reason in (
         (good, (kept,), "PASS", "(allowed: 100 nm), and the limit is kept."),
@@ -370,6 +371,7 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
         ),
         (far, (), "FAIL", "Analytic and mujoco disagree: their loads differ by 2.00 mm (allowed: 100 nm)."),
         (good, (kept, broken, broken), "FAIL", f"1 of 2 limits are broken: {too_much}"),
+        (good, (none_left, broken), "FAIL", f"2 of 2 limits are broken: {too_much}"),
         (unjudged, (), "not judged", "The difference between the plants is not judged: nobody knows."),
         (unjudged, (kept,), "PASS", "is not judged: nobody knows."),
         (None, (), "not judged", f"Only one plant was run, {nothing}"),

@@ -86,7 +86,7 @@ def test_limits_are_told_once_a_case() -> None:
     table = RunTables.limits([[judged, RUN]])
     assert table is not None
     assert [texts(row) for row in table.rows] == [
-        ["analytic", "max_sway_rad", "0.03", "≤ 0.1", "rad", "yes"],
+        ["analytic", "max_sway_rad", "1.719", "≤ 5.73", "°", "yes"],
         ["analytic", "overshoot_m", "–", "≤ 0.1", "m", "NO"],
     ]
     assert table.note == "1 of 2 limits kept."

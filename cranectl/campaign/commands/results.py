@@ -96,7 +96,11 @@ def judge_result(
     for verdict in verdicts:
         screen.print(f"{verdict.name}: {verdict.text}:", Screen.PASSED if verdict.kept else Screen.FAILED)
     if not results.campaign.settings.limits.given:
-        screen.print("the campaign has no [limits]: only runs that stop early count as failed")
+        ignored = results.campaign.nominal.limits.stated
+        screen.print(
+            "the campaign has no [limits]: only runs that stop early count as failed"
+            + (f"; it does not judge the scenario's own, {', '.join(ignored)}" if ignored else "")
+        )
     if judgement.junit is not None:
         notes = [
             [*campaigns.CampaignTables.failure_notes([group]), *_again(results, group)] for group in groups

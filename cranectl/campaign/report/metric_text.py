@@ -1,6 +1,5 @@
 """How the page of a campaign names metrics and shows their values: angles in degrees, as everywhere."""
 
-from math import degrees
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ def _label(metric: Metric) -> str:
 
 
 # Factor and unit in which metrics are shown.
-_SHOWN = {m.name: (degrees(1.0), "°") if m.unit == "rad" else (1.0, m.unit) for m in Metric.all()}
+_SHOWN = {m.name: m.shown for m in Metric.all()}
 METRIC_LABELS = {
     m.name: f"{m.compared or _label(m)} [{_SHOWN[m.name][1]}]"
     for m in Metric.all()

@@ -92,10 +92,13 @@ def agreement_sentence(agreements: Agreements) -> str:
     return _sentences([*(faults or _agreements(judged, len(agreements))), *_reasons(judged)])
 
 
-def _limits_of(summaries: Summaries) -> list[LimitVerdict]:
-    """Return each limit of each log once; the one that is farthest from being kept comes first."""
-    limits = [limit for runs in summaries.values() for _, limit in RunSummary.judged_limits(runs)]
-    return sorted(limits, key=lambda limit: (limit.kept, -limit.overrun))
+def _limits_of(summaries: Summaries) -> list[tuple[str, LimitVerdict]]:
+    """Return each limit of each log once, with its label; the one farthest from being kept comes first.
+
+    Any value is infinitely far from a limit of zero, which therefore comes after the other broken ones.
+    """
+    limits = [(a, limit) for a, runs in summaries.items() for _, limit in RunSummary.judged_limits(runs)]
+    return sorted(limits, key=lambda pair: (pair[1].kept, pair[1].limit == 0.0, -pair[1].overrun))
 
 
 def _sentences(statements: Iterable[str]) -> str:
@@ -158,13 +161,15 @@ def _reasons(judged: Sequence[Agreement]) -> Iterator[str]:
         yield f"the difference between the plants is not judged: {why}"
 
 
-def _broken_limits(limits: Sequence[LimitVerdict]) -> Iterator[str]:
-    broken = [limit for limit in limits if not limit.kept]
+def _broken_limits(limits: Sequence[tuple[str, LimitVerdict]]) -> Iterator[str]:
+    broken = [pair for pair in limits if not pair[1].kept]
     if broken:
-        (value, limit), name = broken[0].texts, broken[0].metric
-        unit = Metric.named(name).unit
+        whose, worst = broken[0]
+        (value, limit), what = worst.quantities, Metric.named(worst.metric).meaning.partition(";")[0]
+        if len({label for label, _ in limits}) > 1:
+            what = f"{whose}, {what}"
         many = f"{len(broken)} of {_count(len(limits), 'limit')}" if len(limits) > 1 else "the limit is"
-        yield f"{many} broken: {name} is {value or 'missing'} {unit}, its limit is {limit} {unit}"
+        yield f"{many} broken: {what} is {value or 'missing'}, its limit is {limit}"
 
 
 def _facts(

@@ -1,7 +1,7 @@
 """Tables and notes about runs, agreements and logs, for the terminal and for pages."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import degrees, isnan
+from math import isnan
 from typing import TYPE_CHECKING
 
 from cranectl.cases import CaseResult, RunSummary
@@ -103,7 +103,7 @@ class RunTables:
             case = (f"{run.scenario}, {run.controller}, {run.drive}",) if several else ()
             value, limit = verdict.texts
             sign = "≥" if metric.better == "higher" else "≤"
-            texts = (metric.name, value or "–", f"{sign} {limit}", metric.unit, Cell.answer(verdict.kept))
+            texts = (metric.name, value or "–", f"{sign} {limit}", metric.shown[1], Cell.answer(verdict.kept))
             rows.append(Cell.row(*case, run.plant, *texts))
         if not verdicts:
             return None
@@ -237,8 +237,8 @@ def _numbers_of(metric: Metric, metrics: RunMetrics | None) -> tuple[float | Non
 
 def _shown_unit(metric: Metric, runs: Sequence[RunMetrics | None]) -> tuple[float, str]:
     """Return the factor to the unit in which a metric is shown, and that unit (degrees, kN)."""
-    if metric.unit == "rad":
-        return degrees(1.0), "°"
+    if metric.shown[1] != metric.unit:
+        return metric.shown
     largest = max((abs(n) for run in runs for n in _numbers_of(metric, run) if n is not None), default=0.0)
     largest = max(largest, Quantity.PROCESSOR_ROUNDING) if largest else 0.0  # picometres would be rounding
     factor, unit = Quantity(largest, metric.unit).scale()
