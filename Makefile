@@ -18,6 +18,7 @@ help: ## list the targets
 
 ## Install
 setup: .venv/ready ## create .venv and install cranectl with its tools for developers
+	@echo "next: . .venv/bin/activate     then: cranectl --help"
 extras: .venv/extras .venv/oracles ## add all extras, and CasADi for tests
 clean: ## remove .venv and all generated files
 	rm -rf .venv viewer/node_modules viewer/failures build dist .mypy_cache .ruff_cache .pytest_cache

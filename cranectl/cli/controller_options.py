@@ -14,6 +14,7 @@ from cranectl.cli.command import F
 from cranectl.cli.completion import Completion
 from cranectl.cli.names import Names
 from cranectl.controllers import ALL_CONTROLLERS
+from cranectl.support import InputError
 
 
 class ControllerName(click.ParamType):  # type: ignore[type-arg]
@@ -27,6 +28,12 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
             return value
         if not value.strip():
             ALL_CONTROLLERS.checked(value)
+        if "," in value and not Path(value).exists():
+            raise InputError(
+                f"several controllers: {value}",
+                allowed="one controller, or its file",
+                remedy=f"name one of them, or run all: cranectl validate SCENARIO --controller {value}",
+            )
         return ControllerName.open(value)
 
     @staticmethod

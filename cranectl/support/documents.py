@@ -19,6 +19,7 @@ Content = TypeVar("Content")
 MAX_DOCUMENT_BYTES = 2**20
 MAX_BITS = 1023  # of a whole number: each of these becomes a float, the largest of 1024 bits do not
 MAX_DEPTH = 32  # tables and lists within one another; ours have five
+_TWICE = "Cannot overwrite", "Cannot declare"  # of tomllib, for a key that stands there twice
 # A dotted key of more parts than that, for which tomllib takes quadratic time.
 _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}){{{MAX_DEPTH}}}", re.MULTILINE)
@@ -70,7 +71,9 @@ class DocumentFormat(Generic[Content]):
         return InputError(
             f"{source} is not valid {self.name}: {error}",
             allowed=f"{self.name} in UTF-8, whole numbers of at most {MAX_BITS} bits",
-            remedy="correct it at that place",
+            remedy="write that key once, either as a value or as a table"
+            if str(error).startswith(_TWICE)
+            else "correct it at that place",
         )
 
 

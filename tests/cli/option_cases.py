@@ -125,6 +125,12 @@ CASES: Cases = {
         Case("name one of these; a measured file gets a map by: cranectl new map {}", "info rows.csv",
              "info crane.toml", "new map rows.csv"),
     ],
+    "cli/controller_options.py": [
+        Case("name one of them, or run all: cranectl validate SCENARIO --controller {}",
+             "run short.toml --plants analytic --controller law.py:damper,lqr",
+             "run short.toml --plants analytic --controller lqr",
+             "validate short.toml --plants analytic --controller law.py:damper,lqr --drive ideal"),
+    ],
     "cli/log.py": [
         Case("name another log, or the plants of this one with --plants all", "log overlay two.mcap",
              "log overlay two.mcap one.mcap --out over.mcap",

@@ -15,6 +15,7 @@ FILES = {
     "s.toml": SCENARIO,
     "folder/s.toml": SCENARIO,
     "wrong.toml": SCENARIO.replace("=2.0", "=2.0.0"),
+    "twice.toml": f'rig = "lab-rig"\n{SCENARIO}\n[rig]\nload_mass = 1.5\n',
     "s.xml": "<mujoco model='crane'/>\n",
     "cut.parquet": "PAR1",
 }
@@ -80,6 +81,8 @@ CASES = {
     ],
     "support/documents.py": [
         Case("correct it at that place", "cranectl plan wrong.toml", "cranectl plan s.toml"),
+        Case("write that key once, either as a value or as a table", "cranectl plan twice.toml",
+             "cranectl plan s.toml"),
         Case("name a {} file, or write the settings into one", "cranectl plan s.xml", "cranectl plan s.toml"),
     ],
     "support/resources.py": [
