@@ -34,28 +34,28 @@ class JudgedValue:
         return f"{self.name} is {self.measured or 'missing'}, the limit is {self.limit}."
 
     @staticmethod
+    def of_limit(limit: LimitVerdict, plant: str = "") -> "JudgedValue":
+        """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
+        metric = Metric.named(limit.metric)
+        factor, unit = metric.shown
+        if unit == metric.unit:
+            factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), unit).scale()
+        measured, allowed = limit.texts_times(factor)
+        meaning, sign = metric.meaning.partition(";")[0], "≥" if metric.better == "higher" else "≤"
+        name = f"{meaning[0].upper()}{meaning[1:]}{f' ({plant})' if plant else ''}"
+        space = "" if unit == "°" else " "
+        texts = f"{allowed}{space}{unit}", measured and f"{measured}{space}{unit}"
+        return JudgedValue(metric.name, name, *texts, limit.kept, limit.overrun, sign)
+
+    @staticmethod
     def of_case(result: CaseResult) -> "Iterator[JudgedValue]":
         """Yield each of `RunSummary.judged_limits`, and the largest difference of plants over its limit."""
         reference = PLANTS.reference(run.plant for run in result.runs)
         for run, limit in RunSummary.judged_limits(result.runs):
-            yield _judged_limit(limit, "" if run.plant == reference else run.plant)
+            yield JudgedValue.of_limit(limit, "" if run.plant == reference else run.plant)
         judged = [agreement for agreement in result.agreements if agreement.limit_m is not None]
         if judged:
             yield max(map(_judged_agreement, judged), key=lambda value: (not value.kept, value.overrun))
-
-
-def _judged_limit(limit: LimitVerdict, plant: str) -> JudgedValue:
-    """Return a limit on a metric in a readable unit; the name mentions `plant` if it is not empty."""
-    metric = Metric.named(limit.metric)
-    factor, unit = metric.shown
-    if unit == metric.unit:
-        factor, unit = Quantity(max(abs(limit.value or 0.0), limit.limit), unit).scale()
-    measured, allowed = limit.texts_times(factor)
-    meaning, sign = metric.meaning.partition(";")[0], "≥" if metric.better == "higher" else "≤"
-    name = f"{meaning[0].upper()}{meaning[1:]}{f' ({plant})' if plant else ''}"
-    space = "" if unit == "°" else " "
-    texts = f"{allowed}{space}{unit}", measured and f"{measured}{space}{unit}"
-    return JudgedValue(metric.name, name, *texts, limit.kept, limit.overrun, sign)
 
 
 def _judged_agreement(agreement: Agreement) -> JudgedValue:

@@ -358,7 +358,7 @@ def test_the_first_screen_says_the_verdict_and_why(runs: dict[str, Run]) -> None
     far = replace(good, max_load_error_m=2e-3, passed=False)
     unjudged = replace(good, passed=None, limit_m=None, limit_rad=None, limits="nobody knows")
     none_left = LimitVerdict("saturated_s", 1.0, 0.0, False)
-    too_much = "largest angle between rope and plumb line is 14.32°, its limit is 11.46°."
+    too_much = "largest angle between rope and plumb line is 14.32°, the limit is 11.46°."
     nothing = "and the scenario sets no limits: there is nothing to judge."
     for judged, limits, badge, reason in (
         (good, (kept,), "PASS", "(allowed: 100 nm), and the limit is kept."),

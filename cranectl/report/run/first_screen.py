@@ -7,9 +7,9 @@ from math import degrees
 import numpy as np
 from PIL.Image import Image
 
-from cranectl.cases import RunSummary, drive_uses
+from cranectl.cases import JudgedValue, RunSummary, drive_uses
 from cranectl.compare import Agreement
-from cranectl.metrics import LimitVerdict, Metric, RunMetrics
+from cranectl.metrics import LimitVerdict, RunMetrics
 from cranectl.plants import PLANTS
 from cranectl.report.page import Fact, Figure, FirstScreen
 from cranectl.report.run.differences import Logs, LogTables
@@ -164,12 +164,11 @@ def _reasons(judged: Sequence[Agreement]) -> Iterator[str]:
 def _broken_limits(limits: Sequence[tuple[str, LimitVerdict]]) -> Iterator[str]:
     broken = [pair for pair in limits if not pair[1].kept]
     if broken:
-        whose, worst = broken[0]
-        (value, limit), what = worst.quantities, Metric.named(worst.metric).meaning.partition(";")[0]
-        if len({label for label, _ in limits}) > 1:
-            what = f"{whose}, {what}"
+        label, worst = broken[0]
+        fault = JudgedValue.of_limit(worst).fault.rstrip(".")
+        whose = f"{label}, " if len({label for label, _ in limits}) > 1 else ""
         many = f"{len(broken)} of {_count(len(limits), 'limit')}" if len(limits) > 1 else "the limit is"
-        yield f"{many} broken: {what} is {value or 'missing'}, its limit is {limit}"
+        yield f"{many} broken: {whose}{fault[0].lower()}{fault[1:]}"
 
 
 def _facts(
