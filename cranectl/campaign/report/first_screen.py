@@ -77,7 +77,7 @@ def _facts(analysis: Analysis, summaries: Sequence[GroupSummary]) -> Iterator[Fa
         remark = "of the samples"
         if group.failure_rate_interval:
             low, high = map(percent, group.failure_rate_interval)
-            remark = f"{low} to {high} % of all such cranes, at 95 %"
+            remark = f"{low} to {high} % of all such cranes fail, at 95 %"
         name = f"{group.controller} on {group.plant}" if several else group.controller
         mark = "bad" if group.failures else ""
         yield Fact(name, f"{group.failures} of {group.runs} fail", remark, mark)
@@ -100,7 +100,7 @@ def _limits(analysis: Analysis) -> Iterator[Table]:
             who = group.name if len(analysis.by_plant) > 1 else group.controller
             rows.append(Cell.row(_limit_text(metric, limit), who, str(broken), shown, sample))
     if rows:
-        headings = ("limit", "controller", "broken by", "worst", "in sample")
+        headings = ("limit", "controller", "runs that break it", "worst", "in sample")
         yield Table("", headings, tuple(rows), labels=2)
 
 

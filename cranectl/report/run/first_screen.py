@@ -22,6 +22,7 @@ Agreements = Mapping[str, Sequence[Agreement]]  # by label of the log
 
 BADGES = {True: Cell("PASS", "good"), False: Cell("FAIL", "bad"), None: Cell.verdict(None)}
 AGREEMENT_ONLY = Cell("PLANTS AGREE", "good")  # where no limits are set, nobody judges the controller
+MAX_FAULTS = 3  # limits that the verdict names
 MIN_SHOWN_MM = 1e-3  # [mm] of an error that is shown
 
 
@@ -165,10 +166,13 @@ def _broken_limits(limits: Sequence[tuple[str, LimitVerdict]]) -> Iterator[str]:
     broken = [pair for pair in limits if not pair[1].kept]
     if broken:
         label, worst = broken[0]
-        fault = JudgedValue.of_limit(worst).fault.rstrip(".")
+        faults = [JudgedValue.of_limit(worst).fault]
         whose = f"{label}, " if len({label for label, _ in limits}) > 1 else ""
+        if not whose:  # of several runs, the page has a table
+            faults = [JudgedValue.of_limit(limit).fault for _, limit in broken[:MAX_FAULTS]]
+        fault = "; ".join(f"{text[0].lower()}{text[1:]}".rstrip(".") for text in faults)
         many = f"{len(broken)} of {_count(len(limits), 'limit')}" if len(limits) > 1 else "the limit is"
-        yield f"{many} broken: {whose}{fault[0].lower()}{fault[1:]}"
+        yield f"{many} broken: {whose}{fault}"
 
 
 def _facts(

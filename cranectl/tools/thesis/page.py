@@ -123,7 +123,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
         "this reading of it comes closest to Table 5.3."
     )
     designs = (gain_table(reproduction), tables["norms"], robustifier_table(reproduction))
-    held, (path, *settled) = (figures.of(scenario) for scenario in FIRST_FIGURE)
+    held, settled = (figures.of(scenario) for scenario in FIRST_FIGURE)
     sections = (
         _summary(reproduction),
         Section("structure", "Model and control loop", (redrawn,), figures=_diagrams("2.1", "4.1")),
@@ -137,7 +137,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
             "Load on the settled trajectory",
             (circle,),
             (tables["5.3"], tables["5.4"]),
-            tuple(settled),
+            settled,
         ),
     )
     lead = (
@@ -145,7 +145,7 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
         "(TU Ilmenau / PUCP, 2015), on two plants that know nothing of each other: the analytic model and "
         "MuJoCo."
     )
-    first = thesis_screen(reproduction, [path])
+    first = thesis_screen(reproduction)
     return Page("The thesis, run again", lead, sections, remade_by, first)
 
 

@@ -127,6 +127,22 @@ def test_names_in_a_picture_cover_no_mark_and_no_other_name(benchmark: Benchmark
     assert np.diff(np.sort(heights)).min() >= 10.0
 
 
+def test_panels_of_all_sets_have_the_same_axes_and_hold_every_mark(benchmark: Benchmark) -> None:
+    """Unsettled times are drawn on a logarithmic axis, failures up to the most of any set."""
+    kinds = {"never": runs(4.0, failures=5), "at-once": runs(0.0), "usual": runs(0.1)}
+    judged = Judged(benchmark, table(benchmark, kinds, "published"), "published", set())
+    limits = set()
+    for name in judged.ranked_sets:
+        (axes,) = draw_set(judged, name).axes
+        limits.add((axes.get_xscale(), axes.get_xlim(), axes.get_ylim()))
+        (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        marks = [mark for line in axes.lines for mark in zip(*line.get_data(), strict=True)]
+        assert len(marks) == len(kinds)
+        assert all(low <= x <= high and bottom <= y <= top for x, y in marks)
+    assert len(limits) == 1
+    assert next(iter(limits))[0] == "log"
+
+
 def test_place_on_a_front_by_effort_alone_is_named(benchmark: Benchmark) -> None:
     cheap, best = runs(0.03, failures=2, effort=0.1), runs(0.01, effort=1.0)
     results = table(benchmark, {"cheap": cheap, "best": best}, "published")
