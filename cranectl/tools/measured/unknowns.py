@@ -92,7 +92,7 @@ def movable_friction(
     called with a sentence for each such axis.
     """
     lowered: dict[str, float] = {}
-    if any(run.drive != "velocity" for run in runs):
+    if not all(run.has("command") and run.drive == "velocity" for run in runs):
         return lowered
     asked = np.vstack([run.commands for run in runs])
     moved = np.vstack([run.state.joint_rates[:, :3] for run in runs])
