@@ -104,7 +104,8 @@ class Friction(Effect):
     }
 
     coulomb: Annotated[Triple[Resistance], FORCE] = Field(
-        (2.0, 1.0, 1.0), description="bridge, trolley, winch [N]; assumed: 2 to 4 % of the moved weight"
+        (2.0, 1.0, 1.0),
+        description="bridge, trolley, winch [N]; assumed: 20, 10 and 10 % of the rated load's weight",
     )
     viscous: Annotated[Triple[Resistance], Scaled(-0.5, 1.0)] = Field(
         (4.0, 2.0, 2.0), description="bridge, trolley, winch [N s/m]; assumed: belts"

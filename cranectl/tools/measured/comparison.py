@@ -9,8 +9,9 @@ from cranectl.signals import SignalGroup
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError
 from cranectl.tools.measured.assembly import load_of
-from cranectl.tools.measured.experiment import ANGLE_SCALE, CHANNELS, Experiment, rig_with
+from cranectl.tools.measured.experiment import CHANNELS, Experiment
 from cranectl.tools.measured.replay import Replay, simulate_replay
+from cranectl.tools.measured.unknowns import ANGLE_SCALE, rig_with
 
 PREDICTED = (SignalGroup.STATE, SignalGroup.LOAD)  # groups that a predicted run keeps
 IS_ANGLE = np.array([name in ("alpha", "beta") for name in CHANNELS])

@@ -1,9 +1,7 @@
 """Predict the readings of a measured run from numbers of the crane."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from math import pi, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -21,12 +19,12 @@ from cranectl.tools.measured.replay import (
     with_longer_steps,
 )
 from cranectl.tools.measured.responses import white_noise
+from cranectl.tools.measured.unknowns import ANGLE_DELAY, ANGLE_SCALE, rig_with
 
 MODEL = "elastic"  # the plant that is fitted
-AXES = ("bridge", "trolley", "winch")
 CHANNELS: tuple[str, ...] = ("bridge_position", "trolley_position", "rope_length", "alpha", "beta")
-ANGLE_SCALE, ANGLE_DELAY = "angles.scale", "angles.delay"  # of their sensor: no settings of a rig
 SHORT_SPAN = 0.5  # of the time 1/w of the swing, in which no axis may move at the start
+MISSING = 1e3  # residual of a reading that is not predicted, at least
 MIN_SLOPE_SAMPLES = 8  # samples from which a slope is read
 REST_SWING = 0.01  # [rad] by which a load typically swings before a run begins
 STUCK_SHIFTS = 5.0  # times the angle at which a pivot sticks, by which a start is changed to see it swing
@@ -35,74 +33,6 @@ MIN_SAMPLES_IN_SWING = 20.0  # fewer samples do not show a swing
 STILL_STEPS, STILL_NOISE = 1.5, 4.0  # steps of an encoder and deviations of its noise in readings at rest
 UNSTATED_NOISE = 3.0  # times noise and steps of the rig, from which the noise of the readings counts
 REST_SPEED = 1e-3  # of a drive's speed limit, below which a run begins at rest
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """A number of the crane that is fitted."""
-
-    name: str  # of the setting in a rig file
-    unit: str
-    start: float
-    scale: float  # typical size of a change
-    low: float = -np.inf
-
-
-def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
-    """Return the numbers that can be fitted, with their first values from `rig`."""
-    friction, size = rig.effects.friction, rig.length_scale
-    fitted, driven = [], np.flatnonzero(rig.moves).tolist()  # a fixed axis has no drive
-    if replay != "motion":
-        for k in driven:
-            tau = float(rig.time_constants[k])
-            fitted.append(Unknown(f"{AXES[k]}_time_constant", "s", tau, tau, 0.05 * tau))
-        gains = rig.effects.installation.drive_gain
-        fitted += [Unknown(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in driven]
-        for k in driven:
-            force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
-            fitted.append(Unknown(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
-        late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
-        fitted.append(Unknown("effects.delay.seconds", "s", late, late, 0.0))
-        mass = rig.load_mass
-        fitted.append(Unknown("load_mass", "kg", mass, mass, 0.05 * mass))
-    else:
-        late = 0.1 / sqrt(rig.gravity / rig.rope_range[1])
-        fitted += [Unknown(ANGLE_SCALE, "1", 1.0, 0.1, 0.1), Unknown(ANGLE_DELAY, "s", 0.0, late)]
-    length = 0.02 * rig.rope_range[1]
-    fitted.append(Unknown("effects.installation.rope_offset", "m", 0.0, length))
-    for name, unit in (("pivot_coulomb", "N m"), ("pivot_viscous", "N m s/rad")):
-        value = float(getattr(friction, name)) or 1e-4 * rig.load_mass * rig.gravity * size
-        fitted.append(Unknown(f"effects.friction.{name}", unit, value, value, 0.0))
-    return tuple(fitted)
-
-
-def rig_with(rig: RigParameters, values: Mapping[str, float]) -> RigParameters:
-    """Return the rig with other `values`, by the names of its settings."""
-    for name, value in values.items():
-        if name not in (ANGLE_SCALE, ANGLE_DELAY):
-            rig = _replace(rig, name.split("."), value)
-    return rig
-
-
-def assumed_value(rig: RigParameters, name: str) -> float:
-    """Return the value of a number that is not fitted."""
-    if name in (ANGLE_SCALE, ANGLE_DELAY):
-        return float(name == ANGLE_SCALE)
-    setting: Any = rig
-    for key in name.split("."):
-        setting = setting[int(key)] if key.isdigit() else getattr(setting, key)
-    return float(setting)
-
-
-def _replace(settings: Any, path: Sequence[str], value: float) -> Any:
-    """Return settings, or a list of numbers, with another value at the end of `path`."""
-    if not path:
-        return value
-    key, *below = path
-    if isinstance(settings, tuple):
-        index = int(key)
-        return (*settings[:index], _replace(settings[index], below, value), *settings[index + 1 :])
-    return settings.model_copy(update={key: _replace(getattr(settings, key), below, value)})
 
 
 class Experiment:
@@ -145,6 +75,9 @@ class Experiment:
         angles = np.maximum(noise[3:], STUCK_SHIFTS * stuck_angle(rig, float(start[ROPE])))
         swing_scale = [angles[0], angles[0] * self.frequency, angles[1], angles[1] * self.frequency]
         self.own_scale = np.array([*noise[self.channels], *swing_scale])
+        # No prediction that ends may seem better than one that goes on and is wrong.
+        farthest = np.array([*np.ptp(rig.workspace, axis=1), pi, pi])
+        self.missing = np.maximum(MISSING, farthest / self.noise)[self.channels]
 
     def _still_noise(self) -> Array:
         """Return the noise (5,) of readings at rest: that of the rig, unless the readings have far more."""
@@ -300,7 +233,9 @@ class Experiment:
 
     def residuals_of(self, predicted: Array) -> Array:
         """Return measured minus `predicted` readings (N, 5) at the compared rows, in units of noise (M,)."""
-        return np.nan_to_num(self.weighted(self.readings - predicted), nan=1e3)
+        residuals = self.weighted(self.readings - predicted).reshape(-1, self.compared)
+        whole: Array = np.where(np.isnan(residuals), self.missing, residuals).ravel()
+        return whole
 
 
 def stuck_angle(rig: RigParameters, rope: float) -> float:

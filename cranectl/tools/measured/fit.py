@@ -10,11 +10,11 @@ import numpy as np
 from cranectl.scenario import RigFile, RigParameters
 from cranectl.simulate import Run
 from cranectl.support import JSON, Array, InputError
-from cranectl.tools.measured.experiment import rig_with
 from cranectl.tools.measured.identification import Identification, OpenNumber
 from cranectl.tools.measured.identity import Trace, fingerprint
 from cranectl.tools.measured.replay import Replay
 from cranectl.tools.measured.uncertainty import Errors, root_of
+from cranectl.tools.measured.unknowns import rig_with
 
 FIT_ENDING = "-fit.json"
 

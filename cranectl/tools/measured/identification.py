@@ -28,7 +28,7 @@ from cranectl.tools.measured.comparison import (
     compare_readings,
     load_difference,
 )
-from cranectl.tools.measured.experiment import Experiment, assumed_value, reading_noise, rig_with, unknowns_of
+from cranectl.tools.measured.experiment import Experiment, reading_noise
 from cranectl.tools.measured.identity import check_all_differ
 from cranectl.tools.measured.least_squares import (
     CLOSE_ENOUGH,
@@ -38,6 +38,7 @@ from cranectl.tools.measured.least_squares import (
     reduced_equations,
 )
 from cranectl.tools.measured.replay import Replay, default_replay, first_samples
+from cranectl.tools.measured.unknowns import assumed_value, movable_friction, rig_with, unknowns_of
 
 MAX_READINGS = 40_000  # of a channel that are compared, of all runs together
 MANY_SWINGS = 16.0  # of a run, from which its first part is fitted first
@@ -46,6 +47,7 @@ SLOW_ROWS = 0.5  # times the shortest lag of a drive: periods from which set-poi
 CLEARLY_LESS = 0.5  # of the misfit, which lines between set-points must leave
 MAX_MISFIT = 1.5  # mean square of the residuals, in units of the readings' noise
 STRONG_CORRELATION = 0.99  # correlation above which two numbers replace one another
+AT_BOUND = "at its bound"  # in place of the interval of a number that ended there
 NORMAL = 1.96  # half-widths of a 95 % interval in standard deviations
 
 Progress = Callable[[str], None]
@@ -61,6 +63,7 @@ class Estimate:
     half_width: float
     spread: float  # standard deviation from what the runs spread beyond errors of encoders
     encoders: float  # standard deviation from steps and noise of encoders
+    at_bound: bool = False  # of its range, so that the interval means nothing
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,8 @@ class Identification:
     )
     known: Array  # the same from noise and steps of the encoders (P, P)
     misfits: Mapping[str, float]  # mean square of each channel's residuals in units of noise, 1 without error
-    converged: bool  # whether the optimiser finished
+    converged: bool  # whether the optimiser finished, with predictions of whole runs
+    lowered: Mapping[str, float]  # friction that held the crane at the recorded commands, as the fit began
     comparisons: tuple[ReadingsComparison, ...]  # of the fitted runs
     loads: tuple[LoadDifference, ...]  # of the fitted runs
 
@@ -130,6 +134,8 @@ def identify(
     check_all_differ(runs)
     has_commands = all(default_replay(run) == "commands" for run in runs)
     chosen: Replay = replay or ("commands" if has_commands else "motion")
+    lowered = {} if chosen == "motion" else movable_friction(rig, runs, progress)
+    rig = rig_with(rig, lowered)
     fit = _fitted(runs, rig, chosen, progress)
     if replay is None and has_commands and any(_rows_are_slow(run, rig) for run in runs):
         progress("again, with set-points that change between the rows")
@@ -137,7 +143,7 @@ def identify(
         if other.done and other.unknowns and other.misfit < CLEARLY_LESS * fit.misfit:
             fit, chosen = other, "lines"
     check_something_moves(fit)
-    return _result(fit, rig, chosen)
+    return _result(fit, rig, chosen, lowered)
 
 
 def _rows_are_slow(run: Run, rig: RigParameters) -> bool:
@@ -196,7 +202,8 @@ def estimates_of(fit: LeastSquares, further: Array, of_encoders: Array) -> tuple
     for k, unknown in enumerate(fit.unknowns):
         spread, encoders = (unknown.scale * sqrt(matrix[k, k]) for matrix in (further, of_encoders))
         half = sqrt((factor * spread) ** 2 + widening * (NORMAL * encoders) ** 2)
-        estimates.append(Estimate(unknown.name, unknown.unit, values[unknown.name], half, spread, encoders))
+        value, at_bound = values[unknown.name], fit.at_bound(k)
+        estimates.append(Estimate(unknown.name, unknown.unit, value, half, spread, encoders, at_bound))
     return tuple(estimates)
 
 
@@ -216,13 +223,16 @@ def _open_numbers(fit: LeastSquares) -> tuple[OpenNumber, ...]:
     return tuple(numbers)
 
 
-def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identification:
+def _result(
+    fit: LeastSquares, rig: RigParameters, replay: Replay, lowered: Mapping[str, float]
+) -> Identification:
     of_encoders = fit.encoder_covariance()
     further = fit.further_spread(fit.jackknife(), of_encoders)
     values = fit.values(fit.common)
     scales = np.array([unknown.scale for unknown in fit.unknowns])
     deviations = np.sqrt(np.diag(fit.inverse))
-    correlation = fit.inverse / np.outer(deviations, deviations)
+    products = np.outer(deviations, deviations)
+    correlation = np.divide(fit.inverse, products, out=np.zeros_like(products), where=products > 0.0)
     pairs = [
         (fit.unknowns[i].name, fit.unknowns[j].name, float(correlation[i, j]))
         for i in range(len(scales))
@@ -231,6 +241,11 @@ def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identifica
     ]
     owns = [own * e.own_scale for e, own in zip(fit.experiments, fit.own, strict=True)]
     fitted = [(e, e.predicted(values, own), own) for e, own in zip(fit.experiments, owns, strict=True)]
+    loads = tuple(
+        load_difference(e, readings, own, values, band=np.zeros(len(readings)), noise=0.0)
+        for e, readings, own in fitted
+    )
+    is_whole = all(np.isfinite(load.distance).all() for load in loads)
     return Identification(
         rig=rig_with(rig, values),
         replay=replay,
@@ -240,12 +255,10 @@ def _result(fit: LeastSquares, rig: RigParameters, replay: Replay) -> Identifica
         spread=further * np.outer(scales, scales),
         known=of_encoders * np.outer(scales, scales),
         misfits=fit.misfits(),
-        converged=fit.done,
+        converged=fit.done and is_whole and fit.misfit <= max(fit.first_misfit, MAX_MISFIT),
+        lowered=lowered,
         comparisons=tuple(
             compare_readings(e, readings, reading_noise(rig, e.block), values) for e, readings, _ in fitted
         ),
-        loads=tuple(
-            load_difference(e, readings, own, values, band=np.zeros(len(readings)), noise=0.0)
-            for e, readings, own in fitted
-        ),
+        loads=loads,
     )

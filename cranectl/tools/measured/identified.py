@@ -2,9 +2,10 @@
 
 from collections import defaultdict
 
-from cranectl.tools.measured.experiment import ANGLE_DELAY, ANGLE_SCALE
-from cranectl.tools.measured.identification import NORMAL, Estimate, Identification
+from cranectl.tools.measured.identification import AT_BOUND, NORMAL, Estimate, Identification
+from cranectl.tools.measured.unknowns import ANGLE_DELAY, ANGLE_SCALE
 
+LOWERED = "so low that the axis moves"  # friction that was not identified
 MILLISECOND = 1e-3  # to which a rig's delay is rounded, since it must be a whole number of control periods
 MAX_DEVIATIONS = 2.5  # half-widths from the value to the end of a distribution
 
@@ -13,18 +14,24 @@ def rig_text(result: Identification, base: str, logs: str) -> str:
     """Return the rig file of an identified crane: `base`, with what was fitted to `logs`."""
     values = {estimate.name: estimate for estimate in _of_rig(result)}
     tables: dict[str, list[str]] = defaultdict(list)
-    for estimate in values.values():
-        table, _, name = estimate.name.rpartition(".")
+    lowered = [name for name in result.lowered if name not in values]
+    for setting in (*values, *lowered):
+        table, _, name = setting.rpartition(".")
         if name.isdigit():  # one of three axes: the others have the rig's own value
             table, _, name = table.rpartition(".")
             numbers = getattr(getattr(result.rig.effects, table.rpartition(".")[2]), name)
-            intervals = [values.get(f"{table}.{name}.{k}") for k in range(3)]
-            known = ", ".join("as before" if e is None else f"± {e.half_width:.2g}" for e in intervals)
+            settings = [f"{table}.{name}.{k}" for k in range(3)]
+            known = ", ".join(
+                _interval(values[s], "") if s in values else LOWERED if s in lowered else "as before"
+                for s in settings
+            )
             line = f"{name} = [{', '.join(f'{number:.8g}' for number in numbers)}]  # {known}"
-        elif estimate.name == "effects.delay.seconds":
+        elif setting == "effects.delay.seconds":
+            estimate = values[setting]
             rounded = round(estimate.value / MILLISECOND) * MILLISECOND
             line = f"{name} = {rounded:.3g}  # {estimate.value:.8g} {_interval(estimate)}, whole milliseconds"
         else:
+            estimate = values[setting]
             line = f"{name} = {estimate.value:.8g}  # {_interval(estimate)}"
         if line not in tables[table]:
             tables[table].append(line)
@@ -68,5 +75,7 @@ def _of_rig(result: Identification) -> list[Estimate]:
     return [estimate for estimate in result.estimates if estimate.name not in (ANGLE_SCALE, ANGLE_DELAY)]
 
 
-def _interval(estimate: Estimate) -> str:
-    return f"± {estimate.half_width:.2g} {estimate.unit}"
+def _interval(estimate: Estimate, unit: str | None = None) -> str:
+    if estimate.at_bound:
+        return AT_BOUND
+    return f"± {estimate.half_width:.2g} {estimate.unit if unit is None else unit}".rstrip()

@@ -1,13 +1,15 @@
 """The least-squares problem of an identification, and what errors of readings make of its solution."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import sqrt
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from cranectl.support import Array, Mask
-from cranectl.tools.measured.experiment import CHANNELS, Experiment, Unknown, encoders_of
+from cranectl.support import Array, InputError, Mask
+from cranectl.tools.measured.experiment import CHANNELS, Experiment, encoders_of
+from cranectl.tools.measured.unknowns import ROPE_ZERO, Unknown
 
 FITTING_STEP = 1e-3  # of a number's scale, by which it is changed first to see its effect
 STEP_DEVIATIONS = 5.0  # by which it is changed then; slopes over far more differ from those at the numbers
@@ -15,6 +17,9 @@ MIN_SLOPE_STEP = 1e-7  # of a scale
 MIN_EFFECT = 5.0  # standard deviations by which a change by its scale must move all readings of a number
 MAX_SPREAD = 0.5  # of its scale, above which a number is not identifiable
 ENCODER_DRAWS = 200  # of readings, from which the covariance of encoders is computed
+INSIDE = 1e-6  # of a scale: how far within its range a number starts
+AT_BOUND = 1e-3  # of a scale, by which a number may be off the bound at which it ended
+ROPE_SHARE = 0.8  # of the shortest reading of the rope, by which its zero may be too large
 MAX_SLOPES = 30  # sets of slopes of a fit
 STEPS_WITH_SLOPES = 15  # with one set
 CLOSE_ENOUGH = 0.3  # standard deviations by which new slopes may still move the numbers, all together
@@ -25,13 +30,19 @@ class LeastSquares:
     """The least-squares problem: numbers of the crane, then those of each run, all over their scales."""
 
     def __init__(self, experiments: Sequence[Experiment], unknowns: Sequence[Unknown]) -> None:
-        self.experiments, self.unknowns = list(experiments), list(unknowns)
+        self.experiments = list(experiments)
+        shortest = min(float(e.readings[:, 2].min()) for e in self.experiments)
+        self.unknowns = [
+            replace(u, high=min(u.high, ROPE_SHARE * shortest)) if u.name == ROPE_ZERO else u
+            for u in unknowns
+        ]
         self.dropped: list[Unknown] = []
         self.common = np.array([u.start / u.scale for u in self.unknowns])
         self.own = [e.first_own() / e.own_scale for e in self.experiments]
         self.steps = np.full(len(self.common), FITTING_STEP)  # of slopes, in scales
         self.own_steps = [np.ones(len(own)) for own in self.own]
         self.misfit, self.done = np.inf, False  # mean square of all residuals in units of noise
+        self.first_misfit = np.inf  # of the first values
         self.parts: list[tuple[Array, Array, Array]] = []
 
     def values(self, common: Array) -> dict[str, float]:
@@ -40,6 +51,13 @@ class LeastSquares:
     def predicted(self, k: int, common: Array, own: Array) -> Array:
         experiment = self.experiments[k]
         return experiment.predicted(self.values(common), own * experiment.own_scale)
+
+    def try_numbers(self, k: int, common: Array, own: Array) -> Array:
+        """Return the readings of numbers that a step leads to; NaN if no plant can have them."""
+        try:
+            return self.predicted(k, common, own)
+        except InputError:
+            return np.full_like(self.experiments[k].readings, np.nan)
 
     def jacobian(self, k: int, common: Array, own: Array) -> tuple[Array, Array, Array]:
         """Return residuals of run k, and their derivatives by the common and by its own numbers."""
@@ -67,7 +85,13 @@ class LeastSquares:
         """Leave out the numbers that move no reading of these runs."""
         self.parts = [self.jacobian(k, self.common, own) for k, own in enumerate(self.own)]
         effect = np.sqrt(sum(np.square(by_common).sum(axis=0) for _, by_common, _ in self.parts))
+        self.first_misfit = float(np.mean(np.square(np.concatenate([base for base, *_ in self.parts]))))
         self._keep(effect > MIN_EFFECT)
+
+    def at_bound(self, k: int) -> bool:
+        """Return whether a number ended at a bound of its range, so that its slopes tell no interval."""
+        unknown, value = self.unknowns[k], float(self.common[k] * self.unknowns[k].scale)
+        return min(value - unknown.low, unknown.high - value) < AT_BOUND * unknown.scale
 
     def drop_unidentifiable(self) -> bool:
         """Leave out the numbers whose spread is too large; return whether there were any.
@@ -143,20 +167,22 @@ class LeastSquares:
             common, *own = np.split(z, ends[:-1])
             parts, rest = [], 0.0
             for k, (experiment, along) in enumerate(zip(self.experiments, axes, strict=True)):
-                whole = experiment.residuals_of(self.predicted(k, common, own[k]))
+                whole = experiment.residuals_of(self.try_numbers(k, common, own[k]))
                 parts.append(whole @ along)
                 rest += float(whole @ whole - parts[-1] @ parts[-1])
             return np.append(np.concatenate(parts), sqrt(max(rest, 0.0)))
 
-        lows = np.array([u.low / u.scale for u in self.unknowns])
-        low = np.concatenate([lows, np.full(ends[-1] - first, -np.inf)])
-        start = np.concatenate([np.maximum(self.common, lows + 1e-6), *self.own])
+        lows, highs = (
+            np.array([getattr(u, end) / u.scale for u in self.unknowns]) for end in ("low", "high")
+        )
+        free = np.full(ends[-1] - first, np.inf)
+        start = np.concatenate([np.clip(self.common, lows + INSIDE, highs - INSIDE), *self.own])
         before = 0.5 * sum(float(base @ base) for base, _, _ in self.parts)
         solution = least_squares(
             residuals,
             start,
             jac=lambda _: slopes,
-            bounds=(low, np.inf),
+            bounds=(np.append(lows, -free), np.append(highs, free)),
             max_nfev=STEPS_WITH_SLOPES,
             ftol=least / before,
         )

@@ -161,6 +161,7 @@ class Search:
         self.names = tuple(n for n in (*POSITIONS, *ANGLES, *COMMANDS) if n in declared)
         self.measured = tuple(n for n in self.names if declared[n].column is not None)
         self.sizes = {n: size_of(declared[n], mapping.units(n)) for n in self.names}
+        self.holding = holding_speeds(responses)
 
     def judge(
         self, columns: Columns, known: Explanation | None = None, mistake: Mistake | None = None
@@ -261,8 +262,27 @@ class Search:
             strict, rest = response.strict, 1.0 - after.responses[pair].strict
             nearly_all = rest < REMAINING * (1.0 - strict) and strict < SUSPECT
             is_forced = after.responses[pair].share > MIN_SHARE
+            is_factor = not mistake.exchanged and abs(mistake.factor) != 1.0
+            if is_factor and pair.cause in self.holding and response.ratio < 1.0:
+                continue  # friction explains it too
             healed |= is_forced and now > CLEAR and (was < min(DOUBTFUL, now - 2.0 * WORSE) or nearly_all)
         return healed and after.cost + mistake.cost < before.cost - EVEN_ODDS
+
+
+def holding_speeds(responses: Responses) -> dict[str, float]:
+    """Return the speeds [m/s] below which friction of the rig holds an axis, by commands that it halves.
+
+    Constant commands of twice such a speed move an axis at half of what they ask for, and smaller commands
+    hardly move it. The friction is mostly assumed, but so a small answer tells of no wrong unit.
+    """
+    if responses.commands != "velocity" or COMMANDS[0] not in responses.columns[0]:
+        return {}
+    rig = responses.rig
+    speeds = zip(COMMANDS, np.divide(rig.effects.friction.coulomb, rig.velocity_gains).tolist(), strict=True)
+    sizes = {
+        name: max(float(np.sqrt(np.mean(np.square(c[name])))) for c in responses.columns) for name in COMMANDS
+    }
+    return {name: speed for name, speed in speeds if sizes[name] < GAIN_RANGE * speed}
 
 
 def size_of(signal: SignalMap, units: Mapping[str, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cranectl.scenario import RigParameters
 from cranectl.support import Array, InputError, JSONRecord
-from cranectl.tools.measured.correlation import Response
+from cranectl.tools.measured.correlation import GAIN_RANGE, Response
 from cranectl.tools.measured.mapping import ANGLES, COMMANDS, MIN_ROPE, POSITIONS, MeasuredMap
 from cranectl.tools.measured.mistakes import Columns, Search
 from cranectl.tools.measured.responses import MAX_LATENESS, Recording, Responses, SignalPair
@@ -75,6 +75,7 @@ class Finding(JSONRecord):
     gain: float  # 1 for a right mapping
     delay: float  # [s] by which the answer is late
     mean: float = 0.0  # [rad] of an angle; a load that comes to rest hangs at 0
+    held_below: float = 0.0  # [m/s] of commands that the rig's friction may make ineffective
 
     @property
     def text(self) -> str:
@@ -82,6 +83,8 @@ class Finding(JSONRecord):
         if np.isnan(self.correlation):
             return f"{self.signal} or {self.cause} hardly moves, so nothing is known of their mapping"
         offset = f"; its mean is {self.mean:.3g} rad: is its zero right?" * (abs(self.mean) > LARGE_MEAN)
+        if self.held_below:
+            offset += f"; the rig's friction would hold the axis at commands below {self.held_below:.3g} m/s"
         if abs(self.correlation) < NO_ANSWER:
             return f"{self.signal} does not answer {self.cause}: correlation {self.correlation:.2f}{offset}"
         sign = "; a negative gain: is one of both signs inverted?" * (self.gain < 0.0)
@@ -120,7 +123,9 @@ def check_physics(
     search = Search(responses, mapping)
     columns: Columns = responses.columns
     judged = search.judge(columns)
-    findings = tuple(_finding(pair, response, responses) for pair, response in judged.responses.items())
+    findings = tuple(
+        _finding(pair, response, responses, search.holding) for pair, response in judged.responses.items()
+    )
     causes = {pair.answer: pair.cause for pair in reversed(responses.pairs)}
     contradictions, remedies = [], []
     for _ in range(MAX_MISTAKES):
@@ -144,13 +149,18 @@ def _either(texts: Sequence[Sequence[str]]) -> str:
     return ", or ".join(" and ".join(text) for text in texts)
 
 
-def _finding(pair: SignalPair, response: Response, responses: Responses) -> Finding:
+def _finding(
+    pair: SignalPair, response: Response, responses: Responses, holding: Mapping[str, float]
+) -> Finding:
     mean = 0.0
     if pair.answer in ANGLES:
         mean = float(np.mean(np.concatenate([c[pair.answer] for c in responses.columns])))
     if not (responses.moves(pair.answer) and responses.moves(pair.cause)):
         return Finding(pair.answer, pair.cause, np.nan, np.nan, 0.0, mean)
-    return Finding(pair.answer, pair.cause, response.correlation, response.gain, response.delay, mean)
+    held_below = holding.get(pair.cause, 0.0) if response.ratio < 1.0 / GAIN_RANGE else 0.0
+    return Finding(
+        pair.answer, pair.cause, response.correlation, response.gain, response.delay, mean, held_below
+    )
 
 
 def _useless(findings: Sequence[Finding]) -> str:

@@ -14,10 +14,11 @@ from cranectl.scenario import NANOSECONDS, RigParameters, nanoseconds
 from cranectl.simulate import Run
 from cranectl.support import Array, InputError, Quantity
 from cranectl.tools.measured.assembly import assemble_run
-from cranectl.tools.measured.experiment import CHANNELS, Experiment, unknowns_of
+from cranectl.tools.measured.experiment import CHANNELS, Experiment
 from cranectl.tools.measured.identification import MAX_READINGS, Estimate, estimates_of
 from cranectl.tools.measured.least_squares import LeastSquares
 from cranectl.tools.measured.mapping import ANGLES, COMMANDS, POSITIONS, MeasuredMap
+from cranectl.tools.measured.unknowns import unknowns_of
 
 RUNS = 5  # four to fit, and one to judge the result
 LAB_PERIOD = 0.005  # [s] of set-points on the laboratory rig; grows with the root of the size

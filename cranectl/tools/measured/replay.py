@@ -93,9 +93,8 @@ def simulate_replay(
         return simulated
     table, reference = (rows[::parts] for rows in (simulated.table, simulated.reference))
     times = run.time_ns[: len(table)]
-    return replace(
-        simulated, scenario=given, time_ns=times, end_ns=int(times[-1]), table=table, reference=reference
-    )
+    end_ns = int(times[-1]) if len(times) else simulated.end_ns  # it may end before its first sample
+    return replace(simulated, scenario=given, time_ns=times, end_ns=end_ns, table=table, reference=reference)
 
 
 def _parted(scenario: Scenario) -> tuple[int, Scenario]:

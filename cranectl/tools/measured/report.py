@@ -6,11 +6,12 @@ import numpy as np
 
 from cranectl.report import Cell, Fact, Figure, FirstScreen, Page, Section, Table
 from cranectl.support import Quantity
-from cranectl.tools.measured.experiment import ANGLE_DELAY, ANGLE_SCALE, AXES, MODEL
-from cranectl.tools.measured.identification import MAX_MISFIT, Estimate, Identification
+from cranectl.tools.measured.experiment import MODEL
+from cranectl.tools.measured.identification import AT_BOUND, MAX_MISFIT, Estimate, Identification
 from cranectl.tools.measured.replay import REPEATED
 from cranectl.tools.measured.report_figures import MILLIMETRES, MeasuredFigures
 from cranectl.tools.measured.uncertainty import BAND_DEVIATIONS, START
+from cranectl.tools.measured.unknowns import ANGLE_DELAY, ANGLE_SCALE, AXES
 from cranectl.tools.measured.verdict import (
     COVERED,
     FALSE_ALARMS,
@@ -42,7 +43,7 @@ class IdentificationReport:
             "number": lambda e: e.name.removeprefix("effects."),
             "unit": lambda e: e.unit,
             "value": lambda e: f"{e.value:.5g}",
-            "± (95 %)": lambda e: f"{e.half_width:.2g}",
+            "± (95 %)": lambda e: AT_BOUND if e.at_bound else f"{e.half_width:.2g}",
             "spread of runs": lambda e: f"{e.spread:.2g}",
             "encoders": lambda e: f"{e.encoders:.2g}",
         }
@@ -65,6 +66,11 @@ class IdentificationReport:
             )
         if result.unidentifiable:
             sentences.append(f"not identifiable from these logs: {', '.join(result.unidentifiable)}")
+        sentences += [
+            f"{e.name} is {AT_BOUND}, {e.value:.4g} {e.unit}: the fit would go beyond it, so it is no result"
+            for e in result.estimates
+            if e.at_bound
+        ]
         for a, b, correlation in result.correlated:
             sentences.append(f"{a} and {b} can replace one another here: correlation {correlation:.3f}")
         sensor = {e.name: e for e in result.estimates}
@@ -95,7 +101,7 @@ class IdentificationReport:
                     "of the rig. State less in effects.sensing, or errors hide in it"
                 )
         if not result.converged:
-            sentences.append("NOT CONVERGED: the optimiser did not finish, so the numbers mean little")
+            sentences.append(_failure(result, names))
         return sentences
 
     @staticmethod
@@ -161,10 +167,23 @@ def _misfit_sentence(result: Identification, names: Sequence[str]) -> str:
     )
 
 
+def _failure(result: Identification, names: Sequence[str]) -> str:
+    """Return why the fit failed, and what to state instead."""
+    ended = next((k for k, load in enumerate(result.loads) if not np.isfinite(load.distance).all()), None)
+    if ended is None:
+        return "NOT CONVERGED: the optimiser did not finish, so the numbers mean little"
+    name = names[ended] if names else f"run {ended + 1}"
+    at = result.loads[ended].time[int(np.argmax(~np.isfinite(result.loads[ended].distance)))]
+    return (
+        f"NOT CONVERGED: the prediction of {name} ends at {at:.2f} s, so the numbers mean little. "
+        "State masses, time constants and effects.friction of the rig nearer to those of the crane"
+    )
+
+
 def _fit_badge(result: Identification) -> tuple[Cell, str]:
     """Return in a word and in a sentence how well the model repeats the runs."""
     if not result.converged:
-        return Cell("NOT CONVERGED", "bad"), "The optimiser did not finish, so the numbers mean little."
+        return Cell("NOT CONVERGED", "bad"), "The fit failed, so the numbers mean little."
     if has_misfit(result):
         return Cell("MISFIT", "open"), "The model misses readings by more than their noise."
     return Cell("fitted", "good"), "The residuals are as large as the stated noise of the readings."

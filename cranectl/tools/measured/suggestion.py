@@ -16,7 +16,7 @@ STEADY = 1e-6  # share of a slope that changes, of a column that is no clock
 _UNIT = re.compile(r"[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
 _COMMAND = "cmd command control set setpoint ref reference soll desired target w"
 _X, _Y = "bridge x kran brücke bruecke gantry", "trolley cart y katze laufkatze"
-_ROPE = "rope cable hoist length l seil winch seillänge seillaenge hub"
+_ROPE = "rope cable hoist length l seil winch seillänge seillaenge hub hubwerk"
 _ANGLE = "angle sway swing pitch theta winkel pendelwinkel"
 # A signal, and the words of which the name of its column has one of each group. The name with the fewest
 # words is suggested.
@@ -47,6 +47,9 @@ _UNIT_NAMES = {
     **dict.fromkeys(("m/s²", "m/s2", "m/s**2"), "m/s^2"),
     "meter": "m",
 }
+_SPEEDS = {"velocity", "speed", "geschwindigkeit"}  # which commands may be
+_HEIGHTS = {"height", "höhe", "hoehe"}  # that a load has instead of a length of its rope
+_PREFIX = re.compile(r"^(soll|ist)(?=\w{3})")  # of German words for commands and readings
 SAME_SHAPE = 0.98  # correlation of a column with the slope of another, of which it is the rate
 _PARTNER = {  # the signal along the other axis
     "bridge_position": "trolley_position",
@@ -71,6 +74,7 @@ def suggest_map(path: Path) -> str:
     titles = [f"{name} [{unit}]" if unit else name for name, unit in zip(head.names, stated, strict=True)]
     units = [_stated_unit(head, k) for k in range(len(head.names))]
     guesses = guessed_columns(head.names, units, _rates(head))
+    stamps = [k for k in range(min(len(head.names), MAX_SHOWN_COLUMNS)) if _is_clock(head, k)]
     is_planar = all(_is_known(name, k in guesses.values()) for k, name in enumerate(head.names))
     lines = [f"# Columns of {path.name}: number, name, smallest and largest value"]
     lines += [
@@ -90,7 +94,10 @@ def suggest_map(path: Path) -> str:
     has_commands = all(name in guesses for name in COMMANDS)
     lines += ['commands = "velocity"  # or acceleration, force'] if has_commands else []
     lines += ["", "[time]"]
-    if "time" in guesses:
+    clocks = [guesses["time"]] if "time" in guesses else stamps
+    if len(clocks) == 1 and clocks[0] in stamps:
+        lines.append(f"column = {_key(head.names, clocks[0])}  # time stamps")
+    elif "time" in guesses:
         unit = _unit(units[guesses["time"]], TIMES)
         lines += [f"column = {_key(head.names, guesses['time'])}", f'unit = "{unit or "???"}"']
     else:
@@ -103,6 +110,8 @@ def suggest_map(path: Path) -> str:
         for name in group:
             remark = f"  # {_DESCRIPTIONS[name]}" if name in _DESCRIPTIONS else ""
             if name in guesses:
+                if name == "rope_length" and _words(head.names[guesses[name]]) & _HEIGHTS:
+                    remark += "; of a height: sign = -1, and zero = the height of the pivot"
                 unit = _unit(units[guesses[name]], allowed)
                 source = f'column = {_key(head.names, guesses[name])}, unit = "{unit or "???"}"'
             elif _PARTNER.get(name) in guesses and is_planar:
@@ -124,7 +133,7 @@ def guessed_columns(
     words, units = [_words(name) for name in names], units or [""] * len(names)
     guesses: dict[str, int] = {}
     for signal, groups in _WORDS:
-        others = {*_OTHERS.split()} ^ ({"velocity"} if signal in COMMANDS else {*_COMMAND.split()})
+        others = {*_OTHERS.split()} ^ (_SPEEDS if signal in COMMANDS else {*_COMMAND.split()})
         fitting = [
             k
             for k, found in enumerate(words)
@@ -164,7 +173,8 @@ def _words(name: str) -> frozenset[str]:
     parts = (
         re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", word) if word.isascii() else [word] for word in words
     )
-    return frozenset(part.lower() for found in parts for part in found)
+    lower = (part.lower() for found in parts for part in found)
+    return frozenset(part for word in lower for part in _PREFIX.sub(r"\1 ", word, count=1).split())
 
 
 def _rates(head: TableHead) -> frozenset[int]:
@@ -185,6 +195,14 @@ def _rates(head: TableHead) -> frozenset[int]:
             if slope is not None and np.std(slope) > STEADY * np.abs(slope).max():
                 rates |= {k} if np.corrcoef(slope, values)[0, 1] > SAME_SHAPE else set()
     return frozenset(rates)
+
+
+def _is_clock(head: TableHead, index: int) -> bool:
+    """Return whether a column holds time stamps."""
+    try:
+        return head.read(index).is_time
+    except InputError:
+        return False
 
 
 def _range(head: TableHead, index: int) -> str:

@@ -15,15 +15,8 @@ from scipy.stats import t as student
 from cranectl.support import Array
 from cranectl.tools.measured.assembly import load_of
 from cranectl.tools.measured.comparison import block_means, true_joints
-from cranectl.tools.measured.experiment import (
-    ANGLE_SCALE,
-    Experiment,
-    assumed_value,
-    encoders_of,
-    reading_noise,
-    stuck_angle,
-    unknowns_of,
-)
+from cranectl.tools.measured.experiment import Experiment, encoders_of, reading_noise, stuck_angle
+from cranectl.tools.measured.unknowns import ANGLE_SCALE, ROPE_ZERO, assumed_value, unknowns_of
 
 READING_DRAWS = 400  # of the noise of a run
 LOAD_NOISE_DRAWS = 40  # of these, from which the noise of the load's position is computed
@@ -33,7 +26,6 @@ SEED = 0  # of the draws
 BAND_DEVIATIONS = 2.0  # standard deviations of the band around a prediction
 FAR = 1e3  # [m, rad] of a change that ends the prediction
 MAX_REST_COST = 16.0  # of a start without a swing, in squared deviations: one of 3000 exceeds it by chance
-ROPE_ZERO = "effects.installation.rope_offset"
 ROPE = 2  # its place among a run's own numbers, if its commands are repeated
 START = "the start"  # in place of the name of a number
 
@@ -221,12 +213,16 @@ def _changes_left_open(
     Each changes by its scale, and the others make up for it as the fitted runs let them.
     """
     changes = np.empty((len(errors.left_open), *start.readings.shape))
-    lows = {unknown.name: unknown.low for unknown in unknowns_of(experiment.rig, experiment.replay)}
+    ranges = {
+        unknown.name: (unknown.low, unknown.high)
+        for unknown in unknowns_of(experiment.rig, experiment.replay)
+    }
     ended = np.isnan(start.readings)
     for k, change in enumerate(errors.left_open.values()):
         moved = dict(values)
         for name, step in change.items():
-            moved[name] = max(moved.get(name, assumed_value(experiment.rig, name)) + step, lows[name])
+            value = moved.get(name, assumed_value(experiment.rig, name)) + step
+            moved[name] = min(max(value, ranges[name][0]), ranges[name][1])
         readings = experiment.predicted(moved, start.own)
         changes[k] = np.where(ended, 0.0, np.nan_to_num(readings - start.readings, nan=FAR))
     return changes

@@ -16,10 +16,11 @@ from cranectl.scenario.load import RigFile
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.tools.measured.experiment import CHANNELS, encoders_of, rig_with, unknowns_of
+from cranectl.tools.measured.experiment import CHANNELS, encoders_of
 from cranectl.tools.measured.importing import import_files
 from cranectl.tools.measured.mapping import MeasuredMap
 from cranectl.tools.measured.replay import crane_scenario, simulate_replay
+from cranectl.tools.measured.unknowns import rig_with, unknowns_of
 
 LAB = RigFile.load("lab-rig")
 MAX_FALL = 0.5  # of gravity: how fast the rope is let go when its speed jumps, on a winch with usual lag

@@ -14,7 +14,8 @@ import numpy as np
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
 from cranectl.support.arrays import Array
-from cranectl.tools.measured.experiment import encoders_of, rig_with
+from cranectl.tools.measured.experiment import encoders_of
+from cranectl.tools.measured.unknowns import rig_with
 from tests.tools.measured.equations import (
     AXIS,
     AXIS_RATE,

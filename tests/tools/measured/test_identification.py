@@ -14,12 +14,13 @@ from cranectl.log.writer import write_log
 from cranectl.scenario.load import RigFile
 from cranectl.simulate import Run
 from cranectl.support.errors import InputError
-from cranectl.tools.measured.experiment import Experiment, unknowns_of
+from cranectl.tools.measured.experiment import Experiment
 from cranectl.tools.measured.identification import Identification, identify
 from cranectl.tools.measured.identified import campaign_text, rig_text
 from cranectl.tools.measured.least_squares import LeastSquares
 from cranectl.tools.measured.replay import positions_before
 from cranectl.tools.measured.report import IdentificationReport
+from cranectl.tools.measured.unknowns import unknowns_of
 from tests.tools.measured.hidden import LAB, NUMBERS, measured_run, with_sensing, with_signal
 from tests.tools.measured.simulator import Defects, hidden_run
 

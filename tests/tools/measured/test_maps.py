@@ -98,3 +98,27 @@ def test_a_map_is_suggested_where_a_sensor_fails_with_an_extreme_number(odd: flo
     rows = "\n".join(",".join(map(repr, row)) for row in np.array(columns).T.tolist())
     (tmp_path / "a.csv").write_text(f"t,x,y,alpha\n{rows}\n")
     assert 'bridge_position = {column = "x"' in suggest_map(tmp_path / "a.csv")
+
+
+def test_a_trace_of_a_plc_suggests_its_clock_and_its_set_points(tmp_path: Path) -> None:
+    """Time stamps are a clock by any name, and set-points in m/min are speeds."""
+    signals = {
+        "bridge_position": "Brücke Istposition [mm]",
+        "trolley_position": "Katze Istposition [mm]",
+        "rope_length": "Hubwerk Höhe [mm]",
+        "alpha": "Pendelwinkel Katze [°]",
+        "beta": "Pendelwinkel Brücke [°]",
+        "bridge_command": "Sollgeschw. Brücke [m/min]",
+        "trolley_command": "Sollgeschwindigkeit Katze [m/min]",
+        "rope_command": "Sollgeschw. Hubwerk heben [m/min]",
+    }
+    rows = [f"01.12.2026 08:15:{k // 10:02d},{k % 10}00;{';'.join([f'{k},5'] * 8)};0" for k in range(100)]
+    path = tmp_path / "fahrt.csv"
+    path.write_text("\n".join([f"Stempel;{';'.join(signals.values())};Störung", *rows]) + "\n", "cp1252")
+    text = suggest_map(path)
+    suggested = tomllib.loads(text)
+    assert suggested["commands"] == "velocity"
+    assert suggested["time"] == {"column": "Stempel"}
+    assert {name: signal["column"] for name, signal in suggested["signals"].items()} == signals
+    assert suggested["signals"]["rope_command"]["unit"] == "m/min"
+    assert "zero = the height of the pivot" in text

@@ -12,10 +12,11 @@ from cranectl.simulate import Run
 from cranectl.support.arrays import Array
 from cranectl.tools.measured import replay
 from cranectl.tools.measured.comparison import predict
-from cranectl.tools.measured.experiment import Experiment, rig_with, unknowns_of
+from cranectl.tools.measured.experiment import Experiment
 from cranectl.tools.measured.identification import identify
 from cranectl.tools.measured.least_squares import LeastSquares, reduced_equations
 from cranectl.tools.measured.replay import crane_scenario, with_longer_steps
+from cranectl.tools.measured.unknowns import rig_with, unknowns_of
 from tests.tools.measured.hidden import LAB, NUMBERS, hidden_numbers, measured_run, run_of, with_effects
 from tests.tools.measured.simulator import hidden_run
 

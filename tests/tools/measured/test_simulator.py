@@ -9,8 +9,9 @@ import pytest
 
 from cranectl.scenario.rig import RigParameters
 from cranectl.simulate import Run
-from cranectl.tools.measured.experiment import Experiment, rig_with
+from cranectl.tools.measured.experiment import Experiment
 from cranectl.tools.measured.replay import crane_scenario, simulate_replay
+from cranectl.tools.measured.unknowns import rig_with
 from tests.tools.measured.disguises import disguises
 from tests.tools.measured.hidden import LAB, NUMBERS, run_of, set_points
 from tests.tools.measured.simulator import (

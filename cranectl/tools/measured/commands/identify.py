@@ -66,7 +66,7 @@ def identify_command(
     A misfit means that the crane does something that the model does not. It is told in millimetres. Go on
     all the same: `cranectl validate` judges runs that were not used, by your tolerance.
 
-    Exit code 1 only if the optimiser did not finish. A misfit has exit code 0.
+    Exit code 1 only if the optimiser did not finish or a prediction ended early. A misfit has exit code 0.
 
     \b
     cranectl identify monday.csv tuesday.csv friday.csv --map week.toml --rig lab-rig
