@@ -49,7 +49,7 @@ class ControllerName(click.ParamType):  # type: ignore[type-arg]
         )
 
     @staticmethod
-    def open_own(scenario: scenario_files.Scenario, source: str) -> str:
+    def open_own(scenario: "scenario_files.Scenario", source: str) -> str:
         """Return the name of the controller of `scenario`; if its file, `source`, names a file, open that."""
         return ControllerName.open(scenario.controller.name, scenario_files.ScenarioFile.find(source).parent)
 

@@ -224,6 +224,11 @@ class RigParameters(Settings):
         return 1.0 if self.rated_load == RigParameters().rated_load else self.length_scale
 
     @property
+    def heaviest_load(self) -> float:
+        """The largest mass of a load [kg] for which the rig's other numbers are accepted."""
+        return OVERLOAD * self.rated_load
+
+    @property
     def mass_warning(self) -> str:
         """A sentence if bridge and trolley are too heavy or too light for the rated load; else ""."""
         mass = self.bridge_mass + self.trolley_mass
@@ -237,7 +242,7 @@ class RigParameters(Settings):
 
     def check_size(self, effects: EffectSettings) -> None:
         """Raise InputError if the rig or `effects` have numbers that belong to a crane of another size."""
-        if self.load_mass > OVERLOAD * self.rated_load:
+        if self.load_mass > self.heaviest_load:
             raise InputError(
                 f"rig.load_mass = {self.load_mass:g} kg on a crane for rig.rated_load = "
                 f"{self.rated_load:g} kg",

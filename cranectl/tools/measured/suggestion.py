@@ -108,10 +108,8 @@ def suggest_map(path: Path) -> str:
             continue
         allowed = COMMAND_UNITS["velocity"] if group == COMMANDS else UNITS[group[0]]
         for name in group:
-            remark = f"  # {_DESCRIPTIONS[name]}" if name in _DESCRIPTIONS else ""
+            remark = _remark(name, head.names[guesses[name]] if name in guesses else "")
             if name in guesses:
-                if name == "rope_length" and _words(head.names[guesses[name]]) & _HEIGHTS:
-                    remark += "; of a height: sign = -1, and zero = the height of the pivot"
                 unit = _unit(units[guesses[name]], allowed)
                 source = f'column = {_key(head.names, guesses[name])}, unit = "{unit or "???"}"'
             elif _PARTNER.get(name) in guesses and is_planar:
@@ -120,6 +118,14 @@ def suggest_map(path: Path) -> str:
                 source = 'column = ???, unit = "???"'
             lines.append(f"{name} = {{{source}}}{remark}")
     return "\n".join(lines) + "\n"
+
+
+def _remark(signal: str, column: str) -> str:
+    """Return what stands behind a signal that the column of this name holds."""
+    remark = f"  # {_DESCRIPTIONS[signal]}" if signal in _DESCRIPTIONS else ""
+    if signal == "rope_length" and _words(column) & _HEIGHTS:
+        remark += "; of a height: sign = -1, and zero = the height of the pivot"
+    return remark
 
 
 def guessed_columns(

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from cranectl.scenario import RigParameters
-from cranectl.scenario.rig import OVERLOAD
 from cranectl.simulate import Run
 from cranectl.support import Table
 from cranectl.tools.measured.replay import Replay
@@ -41,28 +40,30 @@ def unknowns_of(rig: RigParameters, replay: Replay) -> tuple[Unknown, ...]:
     if replay != "motion":
         for k in driven:
             tau = float(rig.time_constants[k])
-            fitted.append(_ranged(f"{AXES[k]}_time_constant", "s", tau, tau, 0.05 * tau))
+            fitted.append(_ranged(f"{AXES[k]}_time_constant", "s", tau, tau, low=0.05 * tau))
         gains = rig.effects.installation.drive_gain
-        fitted += [_ranged(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, 0.1) for k in driven]
+        fitted += [
+            _ranged(f"effects.installation.drive_gain.{k}", "1", gains[k], 0.1, low=0.1) for k in driven
+        ]
         for k in driven:
             force = friction.coulomb[k] or 0.02 * rig.load_mass * rig.gravity
-            fitted.append(_ranged(f"effects.friction.coulomb.{k}", "N", force, force, 0.0))
+            fitted.append(_ranged(f"effects.friction.coulomb.{k}", "N", force, force, low=0.0))
         late = rig.effects.delay.seconds or 0.1 * rig.trolley_time_constant
-        fitted.append(_ranged("effects.delay.seconds", "s", late, late, 0.0))
+        fitted.append(_ranged("effects.delay.seconds", "s", late, late, low=0.0))
         mass = rig.load_mass
-        fitted.append(_ranged("load_mass", "kg", mass, mass, 0.05 * mass, OVERLOAD * rig.rated_load))
+        fitted.append(_ranged("load_mass", "kg", mass, mass, low=0.05 * mass, high=rig.heaviest_load))
     else:
         late = 0.1 / sqrt(rig.gravity / rig.rope_range[1])
         fitted += [Unknown(ANGLE_SCALE, "1", 1.0, 0.1, 0.1), Unknown(ANGLE_DELAY, "s", 0.0, late)]
     fitted.append(_ranged(ROPE_ZERO, "m", 0.0, 0.02 * rig.rope_range[1]))
     for name, unit in (("pivot_coulomb", "N m"), ("pivot_viscous", "N m s/rad")):
         value = float(getattr(friction, name)) or 1e-4 * rig.load_mass * rig.gravity * size
-        fitted.append(_ranged(f"effects.friction.{name}", unit, value, value, 0.0))
+        fitted.append(_ranged(f"effects.friction.{name}", unit, value, value, low=0.0))
     return tuple(fitted)
 
 
 def _ranged(
-    name: str, unit: str, start: float, scale: float, low: float = -inf, high: float = inf
+    name: str, unit: str, start: float, scale: float, *, low: float = -inf, high: float = inf
 ) -> Unknown:
     """Return a number that stays between `low` and `high`, and in the range that a rig file allows."""
     least, most = _allowed_range(name)
@@ -94,15 +95,15 @@ def movable_friction(
     lowered: dict[str, float] = {}
     if not all(run.has("command") and run.drive == "velocity" for run in runs):
         return lowered
-    asked = np.vstack([run.commands for run in runs])
+    commands = np.vstack([run.commands for run in runs])
     moved = np.vstack([run.state.joint_rates[:, :3] for run in runs])
-    forces = rig.velocity_gains * rig.effects.installation.drive_gain * np.abs(asked).max(axis=0)
+    forces = rig.velocity_gains * rig.effects.installation.drive_gain * np.abs(commands).max(axis=0)
     for k in np.flatnonzero(rig.moves).tolist():
         assumed, force = rig.effects.friction.coulomb[k], float(forces[k])
         moves = np.abs(moved[:, k]) > MOVING_SHARE * np.abs(moved[:, k]).max()
         if not assumed > HOLDING_SHARE * force > 0.0 or not moves.any():
             continue
-        behind = float(np.median((np.sign(moved[:, k]) * (asked[:, k] - moved[:, k]))[moves]))
+        behind = float(np.median((np.sign(moved[:, k]) * (commands[:, k] - moved[:, k]))[moves]))
         start = float(f"{max(rig.velocity_gains[k] * behind, MOVABLE_SHARE * force):.3g}")
         if start < HOLDING_SHARE * assumed:
             lowered[f"effects.friction.coulomb.{k}"] = start
