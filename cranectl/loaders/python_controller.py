@@ -52,7 +52,8 @@ def open_python(file: ControllerFile) -> tuple[Controller, ControllerFile]:
             f"'{file.reference}': {file.path} has no controller '{file.symbol}'",
             allowed=", ".join(_controller_names(module))
             or "a function, a class with a step, a cranectl.Controller",
-            remedy=f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller NAME'",
+            remedy=InputError.did_you_mean(file.symbol, _controller_names(module))
+            or f"define step({', '.join(ARGUMENTS)}), see 'cranectl new controller NAME'",
         )
     return _callable(value, file), opened
 

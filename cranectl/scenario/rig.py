@@ -103,11 +103,13 @@ class RigParameters(Settings):
     trolley_motor_mass: Annotated[float, Field(ge=0.0, le=1e8), MASS] = Field(
         0.0,
         description="what moves along y alone [kg], assumed none: the trolley's motor referred to its rail, "
-        "J/r², or a rail along y that carries all else; it has no weight on slopes",
+        "i² J / r² with a gear of i, or a rail along y that carries all else; it has no weight on slopes",
         exclude_if=lambda mass: mass == 0.0,
     )
     winch_mass: Mass = Field(
-        0.4, description="winch rotor referred to the rope, J/r² [kg]; assumed: J=1.6e-4, r=0.02"
+        0.4,
+        description="winch rotor referred to the load, n² i² J / r² [kg], with n falls and a gear of i; "
+        "assumed: J=1.6e-4, r=0.02",
     )
     load_mass: Load = Field(1.0, description="load [kg]; assumed; the tracker does not depend on it")
     rated_load: Load = Field(

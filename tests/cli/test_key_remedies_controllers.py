@@ -79,6 +79,7 @@ CASES = {
     ],
     "loaders/python_controller.py": [
         Case("name it: {}:NAME", "law.py", "law.py:law"),
+        Case("did you mean '{}'?", "law.py:Numbrs", "law.py:Numbers"),
         Case("define step({}), see 'cranectl new controller NAME'", "law.py:lqr", "law.py:law"),
         Case("give it these five; a method of a class is a @staticmethod", "law.py:two", "law.py:law"),
         Case("correct it", "broken.py:law", "law.py:law"),
