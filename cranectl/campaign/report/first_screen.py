@@ -100,7 +100,7 @@ def _limits(analysis: Analysis) -> Iterator[Table]:
             who = group.name if len(analysis.by_plant) > 1 else group.controller
             rows.append(Cell.row(_limit_text(metric, limit), who, str(broken), shown, sample))
     if rows:
-        headings = ("limit", "controller", "runs that break it", "worst", "in sample")
+        headings = ("limit", "controller", "runs that break it", "worst", "in run")
         yield Table("", headings, tuple(rows), labels=2)
 
 

@@ -64,7 +64,7 @@ def _facts(reproduction: Reproduction) -> Iterator[Fact]:
             largest = f"{max(abs(number.difference / number.printed) for number in numbers):.1%}"
         within = sum(number.is_within for number in numbers)
         mark = "" if within == len(numbers) else "bad"
-        yield Fact(kind, f"{within} of {len(numbers)}", f"largest difference {largest}", mark)
+        yield Fact(kind, largest, f"largest difference; {within} of {len(numbers)} within tolerance", mark)
 
 
 def _draw_tables(tables: Mapping[str, ThesisTable]) -> Drawing:

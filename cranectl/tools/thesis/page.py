@@ -152,7 +152,8 @@ def thesis_page(reproduction: Reproduction, figures: ChapterFigures, remade_by: 
 def _summary(reproduction: Reproduction) -> Section:
     """Return the section that says what differs; what is known of unexplained differences is folded."""
     rows = tuple(Cell.row(", ".join(numbers), why) for why, numbers in reproduction.open_points.items())
-    title = f"What nobody can explain: {len(rows)} differences"
+    count = sum(not number.explained for *_, number in reproduction.numbers())
+    title = f"What nobody can explain: {count} differences, of {len(rows)} kinds"
     table = Table(title, ("table and column", "what is known"), rows, labels=2, folded=True)
     sentences = tuple(f"{text[0].upper()}{text[1:]}." for text in reproduction.unnoticed)
     return Section("summary", "What differs", sentences, (table,))

@@ -223,9 +223,9 @@ def test_the_first_screen_counts_numbers_and_names_the_largest_differences() -> 
     assert screen.reason.startswith("46 numbers")
     assert " 30 are close: " in screen.reason
     assert [(fact.value, fact.remark) for fact in screen.facts] == [
-        ("4 of 4", "largest difference 1.5%"),
-        ("36 of 36", "largest difference 5.1%"),
-        ("36 of 36", "largest difference 15 mm"),
+        ("1.5%", "largest difference; 4 of 4 within tolerance"),
+        ("5.1%", "largest difference; 36 of 36 within tolerance"),
+        ("15 mm", "largest difference; 36 of 36 within tolerance"),
     ]
     table = result.tables["5.1"]
     wrong = replace(table.rows["lqr"]["bridge_acceleration"], printed=0.31)
