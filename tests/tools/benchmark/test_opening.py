@@ -1,5 +1,6 @@
 """Test what the benchmark's page begins with: pictures, three sentences, caveats, before and after tuning."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -141,6 +142,20 @@ def test_panels_of_all_sets_have_the_same_axes_and_hold_every_mark(benchmark: Be
         assert all(low <= x <= high and bottom <= y <= top for x, y in marks)
     assert len(limits) == 1
     assert next(iter(limits))[0] == "log"
+
+
+def test_controllers_that_never_settle_are_drawn_at_one_place(
+    benchmark: Benchmark, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rounding may make their share of time a little more than 1, at which Matplotlib finds no range."""
+    kinds = {"never": runs(4.0), "neither": runs(4.0)}
+    judged = Judged(benchmark, table(benchmark, kinds, "published"), "published", set())
+    points = np.array([[np.nextafter(1.0, 2.0), 1.0, 0.0]] * 2)
+    monkeypatch.setattr("cranectl.tools.benchmark.report.pictures.points_of", lambda of: points[: len(of)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (axes,) = draw_set(judged, "wide").axes
+    assert [round(float(line.get_xdata()[0]), 9) for line in axes.lines] == [100.0, 100.0]  # type: ignore[arg-type, index]
 
 
 def test_place_on_a_front_by_effort_alone_is_named(benchmark: Benchmark) -> None:

@@ -41,6 +41,9 @@ def draw_set(judged: Judged, name: str) -> Drawing:
     figure, axes = Chart.canvas(*PANEL)
     axes.set_title(f"{name}: spread {judged.benchmark.sets[name].spread:g}")
     least, most = _ranges(judged)
+    # Before any mark is drawn: no range fits marks at a single place.
+    axes.set(xscale="log", xlim=(least, 100.0), ylim=(0.0, most))
+    Chart.label_log_axis(axes)
     labels = []
     points = 100.0 * points_of(standings)[:, [0, 2]]
     points[:, 0] = np.maximum(points[:, 0], least)
@@ -54,8 +57,6 @@ def draw_set(judged: Judged, name: str) -> Drawing:
         axes.plot(*point, "D" if is_yours else "o", clip_on=False, **look)
         if is_ours or is_best or standing.controller == judged.benchmark.baseline:
             labels.append((shown_name(judged, standing.controller), point, share))
-    axes.set(xscale="log", xlim=(least, 100.0), ylim=(0.0, most))
-    Chart.label_log_axis(axes)
     axes.set(xlabel="time at rest that passes unsettled [%]", ylabel="runs that fail [%]")
     _place_labels(axes, labels, shares)
     return figure
