@@ -11,7 +11,7 @@ from PIL import Image
 
 import cranectl
 from cranectl.tools.benchmark.settings import Benchmark
-from docs import build, figures
+from docs import build, figures, gallery_style
 from tests.conftest import ROOT
 from validation.performance import page as performance
 from validation.proofs import mutation_results as mutations
@@ -82,6 +82,23 @@ def test_examples_are_numbered_and_short_and_use_what_is_public() -> None:
         assert len(text.splitlines()) <= 40, script.name
         assert not re.search(r"cranectl[.]\w+[.]|from cranectl", text), script.name
         assert re.match(r'"""\n.+\n=+\n\n', text), script.name
+
+
+def test_thumbnails_show_a_part_of_the_figure_of_an_example() -> None:
+    """A red quarter of a white figure fills the thumbnail that shows this quarter."""
+    scripts = {path.stem for path in (ROOT / "docs" / "gallery").glob("*.py")}
+    assert set(gallery_style.SHOWN) <= scripts
+    for left, top, right, bottom in gallery_style.SHOWN.values():
+        assert 0.0 <= left < right <= 1.0
+        assert 0.0 <= top < bottom <= 1.0
+    figure = Image.new("RGB", (2000, 1400), "white")
+    figure.paste((255, 0, 0), (1000, 700, 2000, 1400))
+    cropped = gallery_style.thumbnail(figure, (0.5, 0.5, 1.0, 1.0))
+    whole = gallery_style.thumbnail(figure)
+    assert cropped.size == whole.size == gallery_style.THUMBNAIL
+    assert cropped.getcolors() == [(400 * 280, (255, 0, 0))]
+    assert whole.getpixel((100, 70)) == (255, 255, 255)
+    assert whole.getpixel((300, 210)) == (255, 0, 0)
 
 
 def test_a_picture_without_a_description_is_found(tmp_path: Path) -> None:
